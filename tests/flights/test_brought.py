@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +12,11 @@ from conftest import small_flight
 from test_import import picture
 from test_import_odd import table
 
-from trexton.base.errors import FlightError, TrextonError
+from trexton.base.errors import FlightError
 from trexton.cli import main as cli
 from trexton.flights import read_flight, write_flight
 from trexton.flights.check import check_flight, repair_flight
 from trexton.flights.importers import guess_kind
-from trexton.flights.importers.tracks import TrackColumns, read_track
 from trexton.flights.importing import import_flight, preview_import
 from trexton.flights.plausibility import warnings
 
@@ -29,33 +26,6 @@ N = 10**9
 def place(i: float) -> tuple[float, float]:
     """In a room whose origin is a corner."""
     return float(5 + 2 * np.cos(i / 8)), float(4 + 2 * np.sin(i / 8))
-
-
-def photo(path: Path, i: int, latitude=47.0, longitude=8.0, **how) -> None:
-    from PIL import Image
-    from PIL.TiffImagePlugin import IFDRational
-
-    def parts(value):
-        return (IFDRational(int(abs(value) * 3_600_000), 3_600_000), 0.0, 0.0)
-
-    exif = Image.Exif()
-    exif.get_ifd(0x8825).update(
-        {1: "N" if latitude >= 0 else "S", 2: parts(latitude), 6: how.get("altitude", 400.0),
-         3: "E" if longitude >= 0 else "W", 4: parts(longitude), 5: b"\0"}
-    )  # fmt: skip
-    details = exif.get_ifd(0x8769)
-    details[0x9003] = how.get("time", f"2024:05:01 10:00:{i:02d}")
-    if "subsec" in how:
-        details[0x9291] = how["subsec"]
-    xmp = {"xmp": how["xmp"]} if "xmp" in how else {}
-    Image.fromarray(picture(i)).save(path, "JPEG", exif=exif, **xmp)
-
-
-def photos(folder: Path, count=6, **how) -> Path:
-    folder.mkdir(exist_ok=True)
-    for i in range(count):
-        photo(folder / f"IMG_{i + 7}.jpg", i, 47 + i * 1e-5, **how)
-    return folder
 
 
 def bag(path: Path, stamped=True, encoding="mono8", ros2=False, zero_turns=()) -> Path:
@@ -148,18 +118,6 @@ def test_lost_tracking_is_named_and_left_out(tmp_path, capsys):
     assert len(flight) == len(mended)
 
 
-def test_stamps_of_positions_that_repeat_or_go_back(tmp_path):
-    rows = [f"{i * 0.1:.1f} {i * 0.1} 0 1 1 0 0 0" for i in range(20)]
-    text = [*rows[:5], rows[4], *rows[5:9], rows[10], rows[9], *rows[11:], "1.5 9 9 1 1 0 0 0"]
-    (tmp_path / "g.txt").write_text("\n".join(text))
-    track, said = read_track(tmp_path / "g.txt", TrackColumns())
-    assert (np.diff(track.time_ns) > 0).all() and 15 * N // 10 not in track.time_ns
-    np.testing.assert_allclose(track.position[:, 0], track.time_ns / N)
-    assert "2 rows of positions out of order" in said[0]
-    assert "1 row of positions with a repeated stamp dropped (first: row 6)" in said[1]
-    assert "rows 17 and 22: one stamp, but places" in said[2]
-
-
 def test_yaw_in_degrees_is_said_and_read(tmp_path):
     rows = [f"{i * 0.08:.2f},{i / 9},1,{i * 15 % 360},{i % 6}.png" for i in range(24)]
     source = table(tmp_path / "t", rows, "t,x,y,heading,image")
@@ -170,118 +128,6 @@ def test_yaw_in_degrees_is_said_and_read(tmp_path):
     assert cli.main([*words, str(source)]) == 0
     yaw = read_flight(tmp_path / "b").attitude[:, 2]
     np.testing.assert_allclose(np.degrees(yaw[:4]), [0, 15, 30, 45])
-
-
-@pytest.mark.parametrize(("turn", "said"), [(0, ""), (65, "65 degrees"), (180, "180 degrees")])
-def test_a_camera_that_does_not_look_down_is_named(tmp_path, turn, said):
-    half = np.radians(turn) / 2
-    turned = f"{np.cos(half)} 0 0 {np.sin(half)}"  # about its right, from straight down
-    rows = [f"{i / 10} {i} 0 1 {turned}" for i in range(9)]
-    (tmp_path / "g.txt").write_text("\n".join(rows))
-    track, told = read_track(tmp_path / "g.txt", TrackColumns(axes="camera"))
-    assert any(said in line for line in told[1:]) == bool(said)
-    flight = replace(
-        small_flight(9), position=track.position[:, :2], attitude=track.attitude,
-        area=(-1, 9, -1, 1),
-    )  # fmt: skip
-    assert any("from straight down" in line for line in warnings(flight)) == bool(said)
-
-
-def test_heights_above_the_sea_are_no_heights(tmp_path):
-    flight, said = import_flight(photos(tmp_path / "p"), tmp_path / "a")
-    assert flight.height is None and any("--ground" in line for line in said)
-    flight, _ = import_flight(tmp_path / "p", tmp_path / "b", settings={"ground": "380"})
-    np.testing.assert_allclose(flight.height, 20)
-
-
-@pytest.mark.parametrize(
-    ("tags", "angles"),
-    [
-        ('drone-dji:RelativeAltitude="+39.80" drone-dji:GimbalPitchDegree="-80" '
-         'drone-dji:GimbalYawDegree="90" drone-dji:GimbalRollDegree="0"', (0, 10, -90)),
-        ('Camera:AboveGroundAltitude="39.8" Camera:Pitch="10" Camera:Yaw="90" Camera:Roll="2"',
-         (2, 10, -90)),
-        ('drone-parrot:CameraPitchDegree="-80" drone-parrot:CameraYawDegree="90" '
-         'Camera:AboveGroundAltitude="39.8"', (0, 10, -90)),
-        ('drone:RelativeAltitude="39.8" drone:GimbalPitchDegree="-90" drone:GimbalYawDegree="0"',
-         (0, 0, 0)),
-    ],
-)  # fmt: skip
-def test_heights_and_angles_in_xmp(tmp_path, tags, angles):
-    spaces = " ".join(f'xmlns:{space}="http://{space}/"' for space in
-                      ("drone-dji", "Camera", "drone-parrot", "drone"))  # fmt: skip
-    xmp = (
-        '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/'
-        f'22-rdf-syntax-ns#"><rdf:Description {spaces} {tags}/></rdf:RDF></x:xmpmeta>'
-    )
-    flight, _ = import_flight(photos(tmp_path / "p", xmp=xmp.encode()), tmp_path / "out")
-    np.testing.assert_allclose(flight.height, 39.8)
-    np.testing.assert_allclose(np.degrees(flight.attitude[0]), angles, atol=1e-9)
-
-
-def test_places_of_photographs(tmp_path):
-    (tmp_path / "p").mkdir()
-    for i in range(6):
-        latitude, longitude = (-33.9 + i * 1e-5, -70.6) if i != 2 else (0.0, 0.0)
-        photo(tmp_path / "p" / f"{i}.jpg", i, latitude, longitude)
-    for path in (tmp_path / "p").iterdir():  # the letters as another type than text
-        data = path.read_bytes()
-        for tag, letter in ((b"\0\1", b"S"), (b"\0\3", b"W")):
-            data = data.replace(tag + b"\0\2\0\0\0\2" + letter, tag + b"\0\7\0\0\0\2" + letter)
-        path.write_bytes(data)
-    flight, said = import_flight(tmp_path / "p", tmp_path / "out")
-    assert len(flight) == 5 and "photographs without a fix, at 0, 0, left out: 1" in said
-    np.testing.assert_allclose(flight.origin, (-33.9, -70.6), atol=1e-6)
-    assert (np.diff(flight.position[:, 1]) > 0).all()
-
-
-def test_times_of_photographs(tmp_path):
-    folder = tmp_path / "p"
-    folder.mkdir()
-    for i in range(9):
-        parts = {"subsec": ("100", "433", "767")[i % 3], "time": f"2024:05:01 24:00:0{i // 3}"}
-        photo(folder / f"IMG_{i + 6}.jpg", i, 47 + i * 1e-5, **parts)
-    flight, _ = import_flight(folder, tmp_path / "out")
-    np.testing.assert_allclose(flight.time, [i // 3 + (0, 0.333, 0.667)[i % 3] for i in range(9)])
-    assert (np.diff(flight.position[:, 1]) > 0).all()
-    assert flight.notes[0] == "time zero is stamp 1714521600100000000 ns of the source"
-    for i in range(9):  # a burst without parts of a second, in the order in which people count
-        photo(folder / f"IMG_{i + 6}.jpg", i, 47 + i * 1e-5, time=f"2024:05:01 10:00:0{i // 3}")
-    flight, _ = import_flight(folder, tmp_path / "burst")
-    np.testing.assert_allclose(flight.time, np.arange(9) / 3, atol=1e-6)
-    assert (np.diff(flight.position[:, 1]) > 0).all()
-
-
-def test_files_that_are_whole_or_left_out(tmp_path):
-    source = photos(tmp_path / "p")
-    for i, tail in enumerate((bytes(4000), b"SEFH" + bytes(300), b"\0\0\0\x18ftypmp42" * 30)):
-        path = source / f"IMG_{i + 7}.jpg"
-        path.write_bytes(path.read_bytes() + tail)
-    (source / "a.HEIC").write_bytes(b"\0\0\0\x18ftypheic" + bytes(64))
-    flight, said = import_flight(source, tmp_path / "out")
-    assert len(flight) == 6 and "1 files of .heic were left out: convert them to JPEG" in said
-    cut = source / "IMG_9.jpg"
-    cut.write_bytes(cut.read_bytes()[:900] + bytes(3000))
-    with pytest.raises(TrextonError, match="cut short"):
-        import_flight(source, tmp_path / "again")
-
-
-def test_bands_are_one_picture(tmp_path):
-    for i in range(5):
-        for band in range(1, 6):
-            photo(tmp_path / f"IMG_{i}_{band}.jpg", i, 47 + i * 1e-5)
-    flight, said = import_flight(tmp_path, tmp_path / "out")
-    assert len(flight) == 5 and any(line.startswith("5 bands of one shutter") for line in said)
-
-
-def test_a_table_names_photographs_with_their_folder(tmp_path):
-    source = photos(tmp_path / "p")
-    rows = [f"images/IMG_{i + 7}.jpg,{47 + i * 1e-5},8" for i in range(6)]
-    (source / "positions.csv").write_text("\n".join(["file,lat,lon", *rows]))
-    assert len(import_flight(source, tmp_path / "out")[0]) == 6
-    (source / "positions.csv").write_text("file,lat,lon\nother.jpg,47,8\n")
-    with pytest.raises(FlightError, match=r"names other.jpg, the folder holds IMG_7.jpg"):
-        import_flight(source, tmp_path / "again")
 
 
 @pytest.mark.parametrize(
@@ -311,57 +157,6 @@ def test_lists_of_images(tmp_path, name, line):
     assert again.position.tolist() == flight.position.tolist()
 
 
-MOTIVE = """Format Version,1.23,Take Name,T,Rotation Type,Quaternion,Length Units,{}
-
-,,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body
-,,drone,drone,drone,drone,drone,drone,drone,other
-,,1,1,1,1,1,1,1,2
-,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Position
-Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,X
-"""
-VICON = """Objects
-100
-,,Global Angle drone:drone,,,,,,
-Frame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ
-,,,,,,mm,mm,mm
-"""
-QUALISYS = (
-    """NO_OF_FRAMES\t60
-FREQUENCY\t100
-DATA_INCLUDED\t6D
-BODY_NAMES\tdrone
-Frame\tTime\tdrone X\tdrone Y\tdrone Z\t"""
-    + "\t".join(f"Rot[{i}]" for i in range(9))
-    + "\n"
-)
-
-
-@pytest.mark.parametrize(
-    ("name", "head", "row"),
-    [
-        ("a.csv", MOTIVE.format("Meters"), "{i},{t},0,0,0,1,{x},1,{b},7"),
-        ("b.csv", MOTIVE.format("Millimeters"), "{i},{t},0,0,0,1,{xmm},1000,{bmm},7"),
-        ("c.csv", VICON, "{i},0,0,0,0,1,{xmm},{ymm},1000"),
-        ("d.tsv", QUALISYS, "{i}\t{t}\t{xmm}\t{ymm}\t1000\t1\t0\t0\t0\t1\t0\t0\t0\t1"),
-    ],
-)
-def test_exports_of_motion_capture(tmp_path, name, head, row):
-    rows = []
-    for i in range(60):
-        x, y = place(i)
-        numbers = {"x": x, "b": -y, "xmm": 1000 * x, "ymm": 1000 * y, "bmm": -1000 * y}
-        rows.append(row.format(i=i, t=i / 100, **numbers))
-    (tmp_path / name).write_text(head + "\n".join(rows) + "\n")
-    track, said = read_track(tmp_path / name, TrackColumns(body="drone"))
-    np.testing.assert_allclose(track.position[:, :2], [place(i) for i in range(60)])
-    np.testing.assert_allclose(track.position[:, 2], 1)
-    np.testing.assert_array_equal(track.time_ns, np.arange(60) * N // 100)
-    assert "body drone" in said[0] and "axes flu" in said[1]
-    np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, -90]] * 60)
-    with pytest.raises(FlightError, match="name one with --body"):
-        read_track(tmp_path / name, TrackColumns(body="nobody"))
-
-
 def test_features_have_a_yaw_and_no_body(tmp_path):
     rows = [f"{i / 9},1,{i},0.{i},0.5,0.2" for i in range(9)]
     (tmp_path / "f.csv").write_text("\n".join(["x,y,turn,a,b,c", *rows]))
@@ -375,107 +170,6 @@ def test_features_have_a_yaw_and_no_body(tmp_path):
         import_flight(
             tmp_path / "f.csv", tmp_path / "no", kind="features", settings={"body": "drone"}
         )
-
-
-def test_columns_of_motion_capture_may_be_named(tmp_path):
-    rows = [f"{i},{i / 100},0,0,0,1,{i},1,5,7" for i in range(9)]
-    (tmp_path / "a.csv").write_text(MOTIVE.format("Meters") + "\n".join(rows) + "\n")
-    columns = TrackColumns(time="Time (Seconds)", x="X", y="Z", body="drone")
-    assert read_track(tmp_path / "a.csv", columns)[0].position[3, :2].tolist() == [3, 5]
-
-
-def video(path: Path, frames=40) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 20, (64, 48))
-    for i in range(frames):
-        writer.write(picture(i))
-    writer.release()
-    return path
-
-
-def test_subtitles_beside_a_video_and_an_end_that_is_missing(tmp_path):
-    path = video(tmp_path / "v.avi")
-    data = path.read_bytes()
-    path.write_bytes(data[: int(0.6 * len(data))])
-    blocks = [
-        f"{i + 1}\n00:00:00,{i * 50:03d} --> 00:00:00,{i * 50 + 50:03d}\n"
-        f"[latitude: {47 + i * 1e-5:.5f}] [longitude: 8.00000] [rel_alt: 10.{i} abs_alt: 400.0]\n"
-        for i in range(20)
-    ]
-    (tmp_path / "v.SRT").write_text("\n".join(blocks))
-    flight, said = import_flight(path, tmp_path / "out")
-    assert any("of 40 frames could be decoded: the file is cut short" in line for line in said)
-    np.testing.assert_allclose(np.diff(flight.position[:10, 1]), 1.112, atol=0.01)
-    assert flight.height[0] == 10 and flight.origin is not None
-
-
-def ardupilot(path: Path) -> Path:
-    """A DataFlash log: formats that describe themselves, and rows."""
-
-    text = b""
-    fmt = [(128, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns", 89),
-           (1, b"POS", b"QLLff", b"TimeUS,Lat,Lng,Alt,RelHomeAlt", 3 + 24),
-           (2, b"ATT", b"QccC", b"TimeUS,Roll,Pitch,Yaw", 3 + 14)]  # fmt: skip
-    for number, name, types, columns, length in fmt:
-        text += b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length, name, types, columns)
-    for i in range(20):
-        text += b"\xa3\x95\x01" + struct.pack(
-            "<Qiiff", 10**6 + i * 10**5, 470000000 + 100 * i, 80000000, 400, 10
-        )
-        text += b"\xa3\x95\x02" + struct.pack("<QhhH", 10**6 + i * 10**5, 100, 0, 9000)
-    path.write_bytes(text)
-    return path
-
-
-def test_a_log_of_ardupilot(tmp_path):
-    track, _ = read_track(ardupilot(tmp_path / "1.bin"), TrackColumns())
-    np.testing.assert_allclose(np.diff(track.time_ns), N // 10, atol=1000)
-    np.testing.assert_allclose(np.diff(track.position[:, 1]), 1.112, atol=0.01)
-    np.testing.assert_allclose(np.degrees(track.attitude[5]), [1, 0, -90], atol=1e-4)
-    np.testing.assert_allclose(track.position[:, 2], 10)
-    (tmp_path / "2.bin").write_bytes(b"no log")
-    with pytest.raises(FlightError, match=r"2\.bin"):
-        read_track(tmp_path / "2.bin", TrackColumns())
-
-
-def test_a_log_of_px4(tmp_path):
-    """A file as the format is documented: head, format, subscription, rows."""
-    pytest.importorskip("pyulog")
-    names = ("x", "y", "z", "heading")
-    columns = "uint64_t timestamp;double ref_lat;double ref_lon;"
-    columns += "".join(f"float {name};" for name in names) + "bool xy_valid;"
-
-    def message(kind, body):
-        return struct.pack("<HB", len(body), ord(kind)) + body
-
-    text = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
-    text += message("F", f"vehicle_local_position:{columns}".encode())
-    text += message("A", struct.pack("<BH", 0, 1) + b"vehicle_local_position")
-    for i in range(20):
-        row = struct.pack("<QddffffB", 10**5 * i, 47.0, 8.0, i, 2.0, -10.0, np.pi / 2, i > 0)
-        text += message("D", struct.pack("<H", 1) + row)
-    (tmp_path / "a.ulg").write_bytes(text)
-    track, _ = read_track(tmp_path / "a.ulg", TrackColumns())
-    np.testing.assert_allclose(track.position, [[2, i, 10] for i in range(1, 20)])
-    np.testing.assert_allclose(track.attitude[:, 2], -np.pi / 2, atol=1e-6)
-    assert track.origin == (47.0, 8.0) and track.time_ns[0] == N // 10
-
-
-def test_reconstructions_have_positions_and_attitude(tmp_path):
-    source = photos(tmp_path / "p")
-    # A camera that looks down from (i, 2, 5): x to the right, y (of the picture) to -y.
-    colmap = ["# Image list", "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"]
-    for i in range(6):
-        colmap += [f"{i + 1} 0 1 0 0 {-i} 2 5 1 images/IMG_{i + 7}.jpg", "1.0 2.0 -1"]
-    (tmp_path / "images.txt").write_text("\n".join(colmap))
-    shots = {f"IMG_{i + 7}.jpg": {"rotation": [np.pi, 0, 0], "translation": [-i, 2, 5]}
-             for i in range(6)}  # fmt: skip
-    (tmp_path / "reconstruction.json").write_text(json.dumps([{"shots": shots}]))
-    for name in ("images.txt", "reconstruction.json"):
-        chosen = {"positions": str(tmp_path / name)}
-        flight, _ = import_flight(source, tmp_path / f"out-{name}", settings=chosen)
-        np.testing.assert_allclose(flight.position, [[i, 2] for i in range(6)], atol=1e-9)
-        np.testing.assert_allclose(flight.height, 5)
-        np.testing.assert_allclose(flight.attitude, 0, atol=1e-9)
 
 
 def test_repairs_are_said_and_leave_nothing_to_repair(tmp_path):

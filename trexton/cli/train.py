@@ -139,7 +139,7 @@ def _trained(
         rng=stream(options.seed, "training"),
         **choices,
     )
-    frames = flight.select(np.isfinite(np.ma.filled(flight.position, np.nan)).all(axis=1))
+    frames = flight.select(flight.located)
     looks = frames if method == "fine" else None
     try:
         assessment = assess(texton_map, looks, rng=stream(options.seed, "assessment"))

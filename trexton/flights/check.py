@@ -246,12 +246,13 @@ def repair_flight(
         if len(left_out) == len(flight):
             raise FlightError(f"{path}/{next(iter(images.unusable.values()))}")
         flight = flight.select(np.array([row not in left_out for row, _ in reading.image_files]))
-    for _ in range(MOST_ROUNDS):
-        doubt = next((each for each in plausibility.warnings(flight) if each.mend), None)
-        if doubt is None or doubt.mend is None:
+    for rounds in range(MOST_ROUNDS + 1):
+        doubts = plausibility.warnings(flight)
+        doubt = next((each for each in doubts if each.mend), None)
+        if doubt is None or doubt.mend is None or rounds == MOST_ROUNDS:
             break
         flight = doubt.mend(flight)
         done.append(doubt.done)
-    done += [f"not repaired: {each}" for each in plausibility.warnings(flight)]
+    done += [f"not repaired: {each}" for each in doubts]
     write_flight(replace(flight, notes=(*flight.notes, *done)), out, replaced)
     return done or ["nothing to repair"]

@@ -185,7 +185,7 @@ def preview_import(
     rows += facts(flight)
     if plan.change is not None:
         rows.append(("images", "x".join(map(str, plan.change.rectification.size)) + " pixels"))
-    return rows + [("told", line) for line in (*recording.said, *plan.matched)]
+    return rows + [("found", line) for line in (*recording.said, *plan.matched)]
 
 
 def _ordered(recording: Recording) -> Recording:

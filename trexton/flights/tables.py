@@ -19,7 +19,7 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.progress import shown
 
-__all__ = ["LENGTHS", "TIMES", "TextTable", "read_table"]
+__all__ = ["LENGTHS", "TIMES", "TextTable", "is_number", "read_table"]
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}  # metres
 TIMES = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}  # nanoseconds
@@ -131,6 +131,15 @@ class TextTable:
     def _refusal(self, name: str, row: int, expected: str) -> FlightError:
         found = repr(text) if (text := self.cells[name][row].strip()[:40]) else "empty"
         return FlightError(f"{self.path}, row {self.rows[row]}: {name} is {found}: {expected}")
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell holds a number, as in a file without a header."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:

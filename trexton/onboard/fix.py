@@ -126,7 +126,7 @@ class Fix:
 
 class Continuity:
     """Follows the hypothesis that is sent. Another one is held back, as *lost*, until it has
-    lasted: places that look alike mislead a localizer for a while, and a receiver that was reset
+    lasted: places that look alike pass for one another for a while, and a receiver that was reset
     to a wrong place believes it.
 
     Counts the resets that it lets through, what MAVLink calls `reset_counter`. Being lost for a

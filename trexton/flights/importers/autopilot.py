@@ -7,7 +7,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ _NUMBER = r"([-+]?\d+(?:\.\d+)?)"
 _GPS = re.compile(rf"GPS\s*\({_NUMBER},\s*{_NUMBER}")
 _PLACE = re.compile(rf"latitude\s*:\s*{_NUMBER}.*?long?i?tude\s*:\s*{_NUMBER}", re.S)
 _HEIGHT = re.compile(rf"(?:rel_alt\s*:|\bH)\s*{_NUMBER}")
-_CLOCK = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
+_CLOCK = re.compile(r"(\d{1,6}):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 
 
 def read_log(path: Path) -> PoseTrack | None:
@@ -43,17 +44,21 @@ def read_log(path: Path) -> PoseTrack | None:
     """
     if (read := _READERS.get(path.suffix.lower())) is None:
         return None
-    try:
-        track = read(path)
-    except FlightError:
-        raise
-    except ImportError as error:
-        raise FlightError(f"{path}: needs {error.name}: pip install {error.name}") from None
-    except Exception as error:  # whatever a library raises of a damaged log
-        raise FlightError(f"{path}: not a readable log ({error}): copy it again") from None
+    track = read(path)
     if track is None or not len(track.time_ns):
         raise FlightError(f"{path}: no position in it: was there a fix, and was it logged?")
     return track
+
+
+@contextmanager
+def _library(path: Path) -> Iterator[None]:
+    """Around what a library is asked for, and nothing else: our own faults keep their traceback."""
+    try:
+        yield
+    except ImportError as error:
+        raise FlightError(f"{path}: needs {error.name}: pip install {error.name}") from None
+    except Exception as error:  # whatever it raises of a damaged log
+        raise FlightError(f"{path}: not a readable log ({error}): copy it again") from None
 
 
 def _earthly(rows: np.ndarray, attitude: np.ndarray | None = None) -> PoseTrack | None:
@@ -92,43 +97,56 @@ def _subtitles(path: Path) -> PoseTrack | None:
     return _earthly(np.array(rows, dtype=float).reshape(-1, 4))
 
 
-def _ardupilot(path: Path) -> PoseTrack | None:
-    from pymavlink.DFReader import DFReader_binary
+def _messages(path: Path) -> Iterator[tuple[str, list[float]]]:
+    """Kind, seconds and values of each message of the first instance in a log of ArduPilot."""
+    with _library(path):
+        from pymavlink.DFReader import DFReader_binary
 
-    log = DFReader_binary(str(path))
+        log = DFReader_binary(str(path))
+        while (message := log.recv_match(type=list(_MESSAGES))) is not None:
+            kind = message.get_type()
+            if getattr(message, "C", 0) == 0 and getattr(message, "I", 0) == 0:
+                values = [float(getattr(message, name, np.nan)) for name in _MESSAGES[kind]]
+                yield kind, [message._timestamp, *values]
+
+
+def _ardupilot(path: Path) -> PoseTrack | None:
     rows: dict[str, list[list[float]]] = {}
-    while (message := log.recv_match(type=list(_MESSAGES))) is not None:
-        kind = message.get_type()
-        if getattr(message, "C", 0) == 0 and getattr(message, "I", 0) == 0:  # the first instance
-            values = [float(getattr(message, name, np.nan)) for name in _MESSAGES[kind]]
-            rows.setdefault(kind, []).append([message._timestamp, *values])
-    told = np.array(rows.pop("ATT", []))
+    for kind, row in _messages(path):
+        rows.setdefault(kind, []).append(row)
+    angled = np.array(rows.pop("ATT", []))
     kind = next((each for each in _MESSAGES if each in rows), "")
     if not kind:
         return None
     table, attitude = np.array(rows[kind]), None
-    if len(told):
-        angles = np.unwrap(np.radians(told[:, 1:]), axis=0) * (1, 1, -1)
-        attitude = np.column_stack([np.interp(table[:, 0], told[:, 0], each) for each in angles.T])
+    if len(angled):
+        angles = np.unwrap(np.radians(angled[:, 1:]), axis=0) * (1, 1, -1)
+        attitude = np.column_stack(
+            [np.interp(table[:, 0], angled[:, 0], each) for each in angles.T]
+        )
     if "Lat" in _MESSAGES[kind]:
         return _earthly(table, attitude)
     return PoseTrack(_nanoseconds(table[:, 0]), table[:, 1:] * (1, 1, -1), attitude)
 
 
 def _px4(path: Path) -> PoseTrack | None:
-    from pyulog import ULog
+    with _library(path):
+        from pyulog import ULog
 
-    log = ULog(str(path), ["vehicle_local_position"])
-    data: dict[str, Any] = next((each.data for each in log.data_list), {})
-    if not data:
-        return None
-    good = np.asarray(data["xy_valid"], dtype=bool)
-    heading = np.asarray(data.get("heading", data.get("yaw")), dtype=float)[good]
-    north, east, down = (np.asarray(data[name], dtype=float)[good] for name in "xyz")
-    latitude, longitude = (np.asarray(data[f"ref_{name}"])[good] for name in ("lat", "lon"))
+        log = ULog(str(path), ["vehicle_local_position"])
+        data: dict[str, Any] = next((each.data for each in log.data_list), {})
+        if not data:
+            return None
+        good = np.asarray(data["xy_valid"], dtype=bool)
+        stamps = np.asarray(data["timestamp"], dtype=np.int64)[good]
+        heading = np.asarray(data.get("heading", data.get("yaw")), dtype=float)[good]
+        north, east, down, latitude, longitude = (
+            np.asarray(data[name], dtype=float)[good]
+            for name in ("x", "y", "z", "ref_lat", "ref_lon")
+        )
     known = len(latitude) and np.isfinite([latitude[-1], longitude[-1]]).all() and latitude[-1]
     return PoseTrack(
-        np.asarray(data["timestamp"], dtype=np.int64)[good] * 1000,
+        stamps * 1000,
         np.column_stack([east, north, -down]),
         np.column_stack([0 * heading, 0 * heading, -heading]),
         (float(latitude[-1]), float(longitude[-1])) if known else None,

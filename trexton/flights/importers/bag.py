@@ -86,15 +86,15 @@ def read(source: Path, settings: Settings) -> Recording:
     images, poses = bag.topic(IMAGES, settings.image), bag.topic(tuple(POSES), settings.pose)
     shot = np.array([stamps for *stamps, _ in bag.messages(images)], dtype=np.int64).reshape(-1, 2)
     rows = [(*stamps, _pose(message)) for *stamps, message in bag.messages(poses)]
-    told = np.array([stamps for *stamps, _ in rows], dtype=np.int64).reshape(-1, 2)
+    posed = np.array([stamps for *stamps, _ in rows], dtype=np.int64).reshape(-1, 2)
     values = np.array([pose for *_, pose in rows], dtype=float).reshape(-1, 7)
     said = [f"images from {images}, positions from {poses}"]
-    clock = int((shot[:, 0] == 0).any() or (told[:, 0] == 0).any())
+    clock = int((shot[:, 0] == 0).any() or (posed[:, 0] == 0).any())
     if clock:
         said.append(f"{source}: headers without a stamp: messages are taken at the bag's own times")
     lines = range(1, len(rows) + 1)
     track, taken = pose_track(
-        told[:, clock], values[:, :3], values[:, 3:], settings.axes, f"{source}, {poses}", lines
+        posed[:, clock], values[:, :3], values[:, 3:], settings.axes, f"{source}, {poses}", lines
     )
     return Recording(
         shot[:, clock],

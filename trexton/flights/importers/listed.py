@@ -16,7 +16,7 @@ from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import AXES, axes_option
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.importers.tracks import TUM, TrackColumns, trajectory_names
-from trexton.flights.tables import TextTable, read_table
+from trexton.flights.tables import TextTable, is_number, read_table
 from trexton.vision.calibration import read_calibration, read_mounting
 
 __all__ = ["Euroc", "Features", "Table", "Tum"]
@@ -140,11 +140,11 @@ def _read_list(path: Path) -> TextTable:
             continue
         # An id is a whole number before another number; else the stamp comes first.
         words = line.replace(",", " ").split(maxsplit=2)
-        numbered = len(words) == 3 and words[0].isdigit() and _is_number(words[1])
+        numbered = len(words) == 3 and words[0].isdigit() and is_number(words[1])
         fields = words if numbered else ["", *line.replace(",", " ").split(maxsplit=1)]
         if len(fields) != 3:
             raise FlightError(f"{path}, row {number}: {line[:40]!r}: expected a stamp and a file")
-        if _is_number(fields[2].split()[0]):  # an exposure
+        if is_number(fields[2].split()[0]):  # an exposure
             found = next(path.parent.glob(f"images/{fields[0]}.*"), path.parent / fields[0])
             fields[2] = str(found.relative_to(path.parent))
         rows.append(number)
@@ -154,14 +154,6 @@ def _read_list(path: Path) -> TextTable:
     return TextTable(
         path, dict(zip(("stamp", "file"), zip(*cells, strict=True), strict=True)), rows
     )
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _column_names(source: Path) -> set[str]:

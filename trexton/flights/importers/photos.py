@@ -126,7 +126,7 @@ def _located(
 
 def _track(shots: list[Shot], ground: float | None) -> tuple[PoseTrack, list[str]]:
     """Metres above the floor are those from the altitude of the ground where it is given, else as
-    the vehicle told them; an altitude above the sea is no height.
+    the vehicle recorded them; an altitude above the sea is no height.
     """
     place, origin = local_metres(*np.array([(shot.latitude, shot.longitude) for shot in shots]).T)
     altitude = np.array([shot.altitude for shot in shots])
@@ -246,8 +246,8 @@ def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] |
         if path.suffix.lower() == ".json":
             whole = json.loads(text)[0]
             names, turns, shifts = _opensfm(whole)
-            told = whole.get("reference_lla")
-            origin = (float(told["latitude"]), float(told["longitude"])) if told else None
+            place = whole.get("reference_lla")
+            origin = (float(place["latitude"]), float(place["longitude"])) if place else None
         elif "IMAGE_ID" in text[:2000] or "QW" in text[:2000]:
             names, turns, shifts = _colmap(text)
         else:

@@ -15,6 +15,7 @@ from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.flight import Flight, area_around
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording
+from trexton.flights.tables import is_number
 
 __all__ = ["Settings", "read", "read_ble", "recognises"]
 
@@ -46,7 +47,7 @@ class _Log:
     def of(cls, path: Path, columns: str) -> _Log:
         rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
         names = columns.split(",")
-        if rows and not _is_number(rows[0][0]):
+        if rows and not is_number(rows[0][0]):
             names, rows = [name.strip() for name in rows[0]], rows[1:]
         if missing := [name for name in ("stamp", "source", "value") if name not in names]:
             raise FlightError(
@@ -72,14 +73,6 @@ class _Log:
         good = np.isfinite(time) & np.isfinite(value)
         source = np.array([cell.strip() for cell in cells["source"]])
         return cls(time[good], source[good], value[good], np.column_stack(position)[good])
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _frames(

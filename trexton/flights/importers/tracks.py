@@ -24,7 +24,7 @@ from trexton.flights.importers.axes import (
 )
 from trexton.flights.importers.mocap import read_motion_capture
 from trexton.flights.importers.recording import PoseTrack
-from trexton.flights.tables import LENGTHS, TIMES, TextTable, read_table
+from trexton.flights.tables import LENGTHS, TIMES, TextTable, is_number, read_table
 
 __all__ = ["TUM", "TrackColumns", "pose_track", "read_track", "trajectory_names"]
 
@@ -152,11 +152,10 @@ def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]
         asked = {key: given for key in usual if (given := getattr(columns, key)) != usual[key]}
         track, more = TrackColumns(**{**names, **asked, "body": ""}).of(table)
         return track, said + more
-    try:
-        trajectory = len([float(field) for field in _first_fields(path)]) in (8, 9)
-    except ValueError:
-        trajectory = False
-    if trajectory:  # as TUM writes it, with blanks between its numbers
+    fields = _first_fields(path)
+    if len(fields) in (8, 9) and all(
+        map(is_number, fields)
+    ):  # as TUM writes it, with blanks between its numbers
         table = read_table(path, trajectory_names(path, TUM.quaternion))
         return replace(TUM, axes=columns.axes).of(table)
     return columns.of(read_table(path))

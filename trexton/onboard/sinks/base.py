@@ -7,14 +7,14 @@ import queue
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from trexton.base.errors import TrextonError
+from trexton.base.errors import ParameterError, TrextonError
 from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge
 from trexton.onboard.fix import Fix
@@ -22,9 +22,19 @@ from trexton.onboard.local import LocalFrame
 from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
 
-__all__ = ["Check", "Guard", "NewestSink", "Sink", "Surroundings"]
+__all__ = ["Check", "Guard", "NewestSink", "Sink", "Surroundings", "extra"]
 
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 30.0
+
+
+@contextmanager
+def extra(who: str, package: str, name: str) -> Iterator[None]:
+    """Around the imports of an extra; raises `ParameterError` where it is not installed."""
+    try:
+        yield
+    except ImportError:
+        words = f"{who} needs the package {package}: pip install 'trexton[{name}]'"
+        raise ParameterError(words) from None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame, decoupled
-from trexton.onboard.sinks.base import NewestSink, Surroundings
+from trexton.onboard.sinks.base import NewestSink, Surroundings, extra
 
 __all__ = ["CrazyflieSink"]
 
@@ -40,13 +40,9 @@ class CrazyflieSink(NewestSink):
     }
 
     def __init__(self, uri: str, local: LocalFrame):
-        try:
+        with extra("a Crazyflie", "cflib", "crazyflie"):
             from cflib import crtp
             from cflib.crazyflie import Crazyflie
-        except ImportError:
-            raise ParameterError(
-                "a Crazyflie needs the package cflib: pip install 'trexton[crazyflie]'"
-            ) from None
         logging.getLogger("cflib").setLevel(logging.ERROR)
         self.name, self._uri, self._local = f"crazyflie:{uri}", uri, local
         self._crtp, self._vehicle = crtp, Crazyflie()

@@ -18,7 +18,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
-from trexton.onboard.sinks.base import NewestSink, Surroundings
+from trexton.onboard.sinks.base import NewestSink, Surroundings, extra
 
 __all__ = ["PaparazziSink", "remote_gps_local"]
 
@@ -50,12 +50,8 @@ class PaparazziSink(NewestSink):
     }
 
     def __init__(self, aircraft: int, local: LocalFrame, bus: str = BUS):
-        try:
+        with extra("Paparazzi", "ivy-python", "paparazzi"):
             from ivy.ivy import IvyServer
-        except ImportError:
-            raise ParameterError(
-                "Paparazzi needs the package ivy-python: pip install 'trexton[paparazzi]'"
-            ) from None
         logging.getLogger("Ivy").setLevel(logging.ERROR)
         self.name = f"paparazzi:{aircraft}"
         self._make_server = _bus_agent(IvyServer, _our_address(bus))

@@ -107,7 +107,7 @@ class FlightSource(Recording):
                 yield replace(frame, picture=flight.histograms[row])
                 continue
             assert flight.frames is not None
-            try:  # one of another size is told by the loop, as from a camera
+            try:  # one of another size is refused by the loop, as from a camera
                 yield replace(frame, picture=flight.frames[row], aiding=flight.aiding(row))
             except ImageError:
                 yield frame

@@ -1,0 +1,155 @@
+"""Photographs that people bring: places, heights, times and angles, by EXIF, XMP or a table."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_import import picture
+
+from trexton.base.errors import FlightError, TrextonError
+from trexton.flights.importing import import_flight
+
+
+def photo(path: Path, i: int, latitude=47.0, longitude=8.0, **how) -> None:
+    from PIL import Image
+    from PIL.TiffImagePlugin import IFDRational
+
+    def parts(value):
+        return (IFDRational(int(abs(value) * 3_600_000), 3_600_000), 0.0, 0.0)
+
+    exif = Image.Exif()
+    exif.get_ifd(0x8825).update(
+        {1: "N" if latitude >= 0 else "S", 2: parts(latitude), 6: how.get("altitude", 400.0),
+         3: "E" if longitude >= 0 else "W", 4: parts(longitude), 5: b"\0"}
+    )  # fmt: skip
+    details = exif.get_ifd(0x8769)
+    details[0x9003] = how.get("time", f"2024:05:01 10:00:{i:02d}")
+    if "subsec" in how:
+        details[0x9291] = how["subsec"]
+    xmp = {"xmp": how["xmp"]} if "xmp" in how else {}
+    Image.fromarray(picture(i)).save(path, "JPEG", exif=exif, **xmp)
+
+
+def photos(folder: Path, count=6, **how) -> Path:
+    folder.mkdir(exist_ok=True)
+    for i in range(count):
+        photo(folder / f"IMG_{i + 7}.jpg", i, 47 + i * 1e-5, **how)
+    return folder
+
+
+def test_heights_above_the_sea_are_no_heights(tmp_path):
+    flight, said = import_flight(photos(tmp_path / "p"), tmp_path / "a")
+    assert flight.height is None and any("--ground" in line for line in said)
+    flight, _ = import_flight(tmp_path / "p", tmp_path / "b", settings={"ground": "380"})
+    np.testing.assert_allclose(flight.height, 20)
+
+
+@pytest.mark.parametrize(
+    ("tags", "angles"),
+    [
+        ('drone-dji:RelativeAltitude="+39.80" drone-dji:GimbalPitchDegree="-80" '
+         'drone-dji:GimbalYawDegree="90" drone-dji:GimbalRollDegree="0"', (0, 10, -90)),
+        ('Camera:AboveGroundAltitude="39.8" Camera:Pitch="10" Camera:Yaw="90" Camera:Roll="2"',
+         (2, 10, -90)),
+        ('drone-parrot:CameraPitchDegree="-80" drone-parrot:CameraYawDegree="90" '
+         'Camera:AboveGroundAltitude="39.8"', (0, 10, -90)),
+        ('drone:RelativeAltitude="39.8" drone:GimbalPitchDegree="-90" drone:GimbalYawDegree="0"',
+         (0, 0, 0)),
+    ],
+)  # fmt: skip
+def test_heights_and_angles_in_xmp(tmp_path, tags, angles):
+    spaces = " ".join(f'xmlns:{space}="http://{space}/"' for space in
+                      ("drone-dji", "Camera", "drone-parrot", "drone"))  # fmt: skip
+    xmp = (
+        '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/'
+        f'22-rdf-syntax-ns#"><rdf:Description {spaces} {tags}/></rdf:RDF></x:xmpmeta>'
+    )
+    flight, _ = import_flight(photos(tmp_path / "p", xmp=xmp.encode()), tmp_path / "out")
+    np.testing.assert_allclose(flight.height, 39.8)
+    np.testing.assert_allclose(np.degrees(flight.attitude[0]), angles, atol=1e-9)
+
+
+def test_places_of_photographs(tmp_path):
+    (tmp_path / "p").mkdir()
+    for i in range(6):
+        latitude, longitude = (-33.9 + i * 1e-5, -70.6) if i != 2 else (0.0, 0.0)
+        photo(tmp_path / "p" / f"{i}.jpg", i, latitude, longitude)
+    for path in (tmp_path / "p").iterdir():  # the letters as another type than text
+        data = path.read_bytes()
+        for tag, letter in ((b"\0\1", b"S"), (b"\0\3", b"W")):
+            data = data.replace(tag + b"\0\2\0\0\0\2" + letter, tag + b"\0\7\0\0\0\2" + letter)
+        path.write_bytes(data)
+    flight, said = import_flight(tmp_path / "p", tmp_path / "out")
+    assert len(flight) == 5 and "photographs without a fix, at 0, 0, left out: 1" in said
+    np.testing.assert_allclose(flight.origin, (-33.9, -70.6), atol=1e-6)
+    assert (np.diff(flight.position[:, 1]) > 0).all()
+
+
+def test_times_of_photographs(tmp_path):
+    folder = tmp_path / "p"
+    folder.mkdir()
+    for i in range(9):
+        parts = {"subsec": ("100", "433", "767")[i % 3], "time": f"2024:05:01 24:00:0{i // 3}"}
+        photo(folder / f"IMG_{i + 6}.jpg", i, 47 + i * 1e-5, **parts)
+    flight, _ = import_flight(folder, tmp_path / "out")
+    np.testing.assert_allclose(flight.time, [i // 3 + (0, 0.333, 0.667)[i % 3] for i in range(9)])
+    assert (np.diff(flight.position[:, 1]) > 0).all()
+    assert flight.notes[0] == "time zero is stamp 1714521600100000000 ns of the source"
+    for i in range(9):  # a burst without parts of a second, in the order in which people count
+        photo(folder / f"IMG_{i + 6}.jpg", i, 47 + i * 1e-5, time=f"2024:05:01 10:00:0{i // 3}")
+    flight, _ = import_flight(folder, tmp_path / "burst")
+    np.testing.assert_allclose(flight.time, np.arange(9) / 3, atol=1e-6)
+    assert (np.diff(flight.position[:, 1]) > 0).all()
+
+
+def test_files_that_are_whole_or_left_out(tmp_path):
+    source = photos(tmp_path / "p")
+    for i, tail in enumerate((bytes(4000), b"SEFH" + bytes(300), b"\0\0\0\x18ftypmp42" * 30)):
+        path = source / f"IMG_{i + 7}.jpg"
+        path.write_bytes(path.read_bytes() + tail)
+    (source / "a.HEIC").write_bytes(b"\0\0\0\x18ftypheic" + bytes(64))
+    flight, said = import_flight(source, tmp_path / "out")
+    assert len(flight) == 6 and "1 files of .heic were left out: convert them to JPEG" in said
+    cut = source / "IMG_9.jpg"
+    cut.write_bytes(cut.read_bytes()[:900] + bytes(3000))
+    with pytest.raises(TrextonError, match="cut short"):
+        import_flight(source, tmp_path / "again")
+
+
+def test_bands_are_one_picture(tmp_path):
+    for i in range(5):
+        for band in range(1, 6):
+            photo(tmp_path / f"IMG_{i}_{band}.jpg", i, 47 + i * 1e-5)
+    flight, said = import_flight(tmp_path, tmp_path / "out")
+    assert len(flight) == 5 and any(line.startswith("5 bands of one shutter") for line in said)
+
+
+def test_a_table_names_photographs_with_their_folder(tmp_path):
+    source = photos(tmp_path / "p")
+    rows = [f"images/IMG_{i + 7}.jpg,{47 + i * 1e-5},8" for i in range(6)]
+    (source / "positions.csv").write_text("\n".join(["file,lat,lon", *rows]))
+    assert len(import_flight(source, tmp_path / "out")[0]) == 6
+    (source / "positions.csv").write_text("file,lat,lon\nother.jpg,47,8\n")
+    with pytest.raises(FlightError, match=r"names other.jpg, the folder holds IMG_7.jpg"):
+        import_flight(source, tmp_path / "again")
+
+
+def test_reconstructions_have_positions_and_attitude(tmp_path):
+    source = photos(tmp_path / "p")
+    # A camera that looks down from (i, 2, 5): x to the right, y (of the picture) to -y.
+    colmap = ["# Image list", "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"]
+    for i in range(6):
+        colmap += [f"{i + 1} 0 1 0 0 {-i} 2 5 1 images/IMG_{i + 7}.jpg", "1.0 2.0 -1"]
+    (tmp_path / "images.txt").write_text("\n".join(colmap))
+    shots = {f"IMG_{i + 7}.jpg": {"rotation": [np.pi, 0, 0], "translation": [-i, 2, 5]}
+             for i in range(6)}  # fmt: skip
+    (tmp_path / "reconstruction.json").write_text(json.dumps([{"shots": shots}]))
+    for name in ("images.txt", "reconstruction.json"):
+        chosen = {"positions": str(tmp_path / name)}
+        flight, _ = import_flight(source, tmp_path / f"out-{name}", settings=chosen)
+        np.testing.assert_allclose(flight.position, [[i, 2] for i in range(6)], atol=1e-9)
+        np.testing.assert_allclose(flight.height, 5)
+        np.testing.assert_allclose(flight.attitude, 0, atol=1e-9)

@@ -1,0 +1,196 @@
+"""Files of positions that people bring: motion capture, logs of autopilots, subtitles."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from conftest import small_flight
+from test_import import picture
+
+from trexton.base.errors import FlightError
+from trexton.flights.importers import autopilot
+from trexton.flights.importers.tracks import TrackColumns, read_track
+from trexton.flights.importing import import_flight
+from trexton.flights.plausibility import warnings
+
+N = 10**9
+
+
+def place(i: float) -> tuple[float, float]:
+    """In a room whose origin is a corner."""
+    return float(5 + 2 * np.cos(i / 8)), float(4 + 2 * np.sin(i / 8))
+
+
+def test_stamps_of_positions_that_repeat_or_go_back(tmp_path):
+    rows = [f"{i * 0.1:.1f} {i * 0.1} 0 1 1 0 0 0" for i in range(20)]
+    text = [*rows[:5], rows[4], *rows[5:9], rows[10], rows[9], *rows[11:], "1.5 9 9 1 1 0 0 0"]
+    (tmp_path / "g.txt").write_text("\n".join(text))
+    track, said = read_track(tmp_path / "g.txt", TrackColumns())
+    assert (np.diff(track.time_ns) > 0).all() and 15 * N // 10 not in track.time_ns
+    np.testing.assert_allclose(track.position[:, 0], track.time_ns / N)
+    assert "2 rows of positions out of order" in said[0]
+    assert "1 row of positions with a repeated stamp dropped (first: row 6)" in said[1]
+    assert "rows 17 and 22: one stamp, but places" in said[2]
+
+
+@pytest.mark.parametrize(("turn", "said"), [(0, ""), (65, "65 degrees"), (180, "180 degrees")])
+def test_a_camera_that_does_not_look_down_is_named(tmp_path, turn, said):
+    half = np.radians(turn) / 2
+    turned = f"{np.cos(half)} 0 0 {np.sin(half)}"  # about its right, from straight down
+    rows = [f"{i / 10} {i} 0 1 {turned}" for i in range(9)]
+    (tmp_path / "g.txt").write_text("\n".join(rows))
+    track, told = read_track(tmp_path / "g.txt", TrackColumns(axes="camera"))
+    assert any(said in line for line in told[1:]) == bool(said)
+    flight = replace(
+        small_flight(9), position=track.position[:, :2], attitude=track.attitude,
+        area=(-1, 9, -1, 1),
+    )  # fmt: skip
+    assert any("from straight down" in line for line in warnings(flight)) == bool(said)
+
+
+MOTIVE = """Format Version,1.23,Take Name,T,Rotation Type,Quaternion,Length Units,{}
+
+,,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body
+,,drone,drone,drone,drone,drone,drone,drone,other
+,,1,1,1,1,1,1,1,2
+,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Position
+Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,X
+"""
+VICON = """Objects
+100
+,,Global Angle drone:drone,,,,,,
+Frame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ
+,,,,,,mm,mm,mm
+"""
+QUALISYS = (
+    """NO_OF_FRAMES\t60
+FREQUENCY\t100
+DATA_INCLUDED\t6D
+BODY_NAMES\tdrone
+Frame\tTime\tdrone X\tdrone Y\tdrone Z\t"""
+    + "\t".join(f"Rot[{i}]" for i in range(9))
+    + "\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "row"),
+    [
+        ("a.csv", MOTIVE.format("Meters"), "{i},{t},0,0,0,1,{x},1,{b},7"),
+        ("b.csv", MOTIVE.format("Millimeters"), "{i},{t},0,0,0,1,{xmm},1000,{bmm},7"),
+        ("c.csv", VICON, "{i},0,0,0,0,1,{xmm},{ymm},1000"),
+        ("d.tsv", QUALISYS, "{i}\t{t}\t{xmm}\t{ymm}\t1000\t1\t0\t0\t0\t1\t0\t0\t0\t1"),
+    ],
+)
+def test_exports_of_motion_capture(tmp_path, name, head, row):
+    rows = []
+    for i in range(60):
+        x, y = place(i)
+        numbers = {"x": x, "b": -y, "xmm": 1000 * x, "ymm": 1000 * y, "bmm": -1000 * y}
+        rows.append(row.format(i=i, t=i / 100, **numbers))
+    (tmp_path / name).write_text(head + "\n".join(rows) + "\n")
+    track, said = read_track(tmp_path / name, TrackColumns(body="drone"))
+    np.testing.assert_allclose(track.position[:, :2], [place(i) for i in range(60)])
+    np.testing.assert_allclose(track.position[:, 2], 1)
+    np.testing.assert_array_equal(track.time_ns, np.arange(60) * N // 100)
+    assert "body drone" in said[0] and "axes flu" in said[1]
+    np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, -90]] * 60)
+    with pytest.raises(FlightError, match="name one with --body"):
+        read_track(tmp_path / name, TrackColumns(body="nobody"))
+
+
+def test_columns_of_motion_capture_may_be_named(tmp_path):
+    rows = [f"{i},{i / 100},0,0,0,1,{i},1,5,7" for i in range(9)]
+    (tmp_path / "a.csv").write_text(MOTIVE.format("Meters") + "\n".join(rows) + "\n")
+    columns = TrackColumns(time="Time (Seconds)", x="X", y="Z", body="drone")
+    assert read_track(tmp_path / "a.csv", columns)[0].position[3, :2].tolist() == [3, 5]
+
+
+def video(path: Path, frames=40) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 20, (64, 48))
+    for i in range(frames):
+        writer.write(picture(i))
+    writer.release()
+    return path
+
+
+def test_subtitles_beside_a_video_and_an_end_that_is_missing(tmp_path):
+    path = video(tmp_path / "v.avi")
+    data = path.read_bytes()
+    path.write_bytes(data[: int(0.6 * len(data))])
+    blocks = [
+        f"{i + 1}\n00:00:00,{i * 50:03d} --> 00:00:00,{i * 50 + 50:03d}\n"
+        f"[latitude: {47 + i * 1e-5:.5f}] [longitude: 8.00000] [rel_alt: 10.{i} abs_alt: 400.0]\n"
+        for i in range(20)
+    ]
+    (tmp_path / "v.SRT").write_text("\n".join(blocks))
+    flight, said = import_flight(path, tmp_path / "out")
+    assert any("of 40 frames could be decoded: the file is cut short" in line for line in said)
+    np.testing.assert_allclose(np.diff(flight.position[:10, 1]), 1.112, atol=0.01)
+    assert flight.height[0] == 10 and flight.origin is not None
+
+
+def ardupilot_log(path: Path) -> Path:
+    """A DataFlash log: formats that describe themselves, and rows."""
+
+    text = b""
+    fmt = [(128, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns", 89),
+           (1, b"POS", b"QLLff", b"TimeUS,Lat,Lng,Alt,RelHomeAlt", 3 + 24),
+           (2, b"ATT", b"QccC", b"TimeUS,Roll,Pitch,Yaw", 3 + 14)]  # fmt: skip
+    for number, name, types, columns, length in fmt:
+        text += b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length, name, types, columns)
+    for i in range(20):
+        text += b"\xa3\x95\x01" + struct.pack(
+            "<Qiiff", 10**6 + i * 10**5, 470000000 + 100 * i, 80000000, 400, 10
+        )
+        text += b"\xa3\x95\x02" + struct.pack("<QhhH", 10**6 + i * 10**5, 100, 0, 9000)
+    path.write_bytes(text)
+    return path
+
+
+def test_a_log_of_ardupilot(tmp_path):
+    track, _ = read_track(ardupilot_log(tmp_path / "1.bin"), TrackColumns())
+    np.testing.assert_allclose(np.diff(track.time_ns), N // 10, atol=1000)
+    np.testing.assert_allclose(np.diff(track.position[:, 1]), 1.112, atol=0.01)
+    np.testing.assert_allclose(np.degrees(track.attitude[5]), [1, 0, -90], atol=1e-4)
+    np.testing.assert_allclose(track.position[:, 2], 10)
+    (tmp_path / "2.bin").write_bytes(b"no log")
+    with pytest.raises(FlightError, match=r"2\.bin"):
+        read_track(tmp_path / "2.bin", TrackColumns())
+
+
+def test_a_bug_of_ours_is_no_damaged_log(tmp_path, monkeypatch):
+    def odd(*_):
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr(autopilot, "_earthly", odd)
+    with pytest.raises(ZeroDivisionError):
+        read_track(ardupilot_log(tmp_path / "1.bin"), TrackColumns())
+
+
+def test_a_log_of_px4(tmp_path):
+    """A file as the format is documented: head, format, subscription, rows."""
+    pytest.importorskip("pyulog")
+    names = ("x", "y", "z", "heading")
+    columns = "uint64_t timestamp;double ref_lat;double ref_lon;"
+    columns += "".join(f"float {name};" for name in names) + "bool xy_valid;"
+
+    def message(kind, body):
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    text = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
+    text += message("F", f"vehicle_local_position:{columns}".encode())
+    text += message("A", struct.pack("<BH", 0, 1) + b"vehicle_local_position")
+    for i in range(20):
+        row = struct.pack("<QddffffB", 10**5 * i, 47.0, 8.0, i, 2.0, -10.0, np.pi / 2, i > 0)
+        text += message("D", struct.pack("<H", 1) + row)
+    (tmp_path / "a.ulg").write_bytes(text)
+    track, _ = read_track(tmp_path / "a.ulg", TrackColumns())
+    np.testing.assert_allclose(track.position, [[2, i, 10] for i in range(1, 20)])
+    np.testing.assert_allclose(track.attitude[:, 2], -np.pi / 2, atol=1e-6)
+    assert track.origin == (47.0, 8.0) and track.time_ns[0] == N // 10
