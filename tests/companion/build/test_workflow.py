@@ -58,6 +58,9 @@ def house(tmp_path, flight_folder):
         def record(self, name):
             return json.loads((self.out / "small" / f"{name}.json").read_text())
 
+        def left(self):
+            return sorted(path.name for path in (self.out / "small").iterdir())
+
     write_notebook(House.notebooks, "first")
     write_notebook(House.notebooks, "second")
     return House()
@@ -153,7 +156,7 @@ def test_the_executed_notebook_holds_its_parameters_and_nothing_of_the_clock(hou
     )
 
 
-def test_the_folder_that_was_worked_in_is_told_nowhere_whatever_its_name(house):
+def test_the_folder_that_was_worked_in_is_named_nowhere_whatever_its_name(house):
     house.out = house.out.with_name('Jürgens "out" \\n')
     write_notebook(house.notebooks, "first", "print(out)\n" + BODY)
     write_notebook(house.notebooks, "second", "raise ValueError(out)\n")
@@ -248,10 +251,7 @@ def test_what_a_new_run_no_longer_makes_is_gone(without_kernels, house):
     without = BODY.replace('(folder / "NAME-chart.svg").write_text("<svg/>")', "")
     write_notebook(house.notebooks, "first", without)
     assert house.run(only=["first"])["first"].status == "ran"
-    assert sorted(path.name for path in (house.out / "small").iterdir()) == [
-        "first.ipynb",
-        "first.json",
-    ]
+    assert house.left() == ["first.ipynb", "first.json"]
 
 
 def test_stale_results_are_not_shown_to_whoever_looks_at_all(without_kernels, house):
@@ -350,15 +350,8 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
         "run_experiments([FlightPair(sys.argv[1])], sys.argv[2], notebooks=sys.argv[3],\n"
         "                experiments={'first': tiny('F')})"
     )
-    command = [
-        sys.executable,
-        "-c",
-        script,
-        str(house.flight),
-        str(house.out),
-        str(house.notebooks),
-    ]
-    run = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    places = (str(house.flight), str(house.out), str(house.notebooks))
+    run = subprocess.Popen([sys.executable, "-c", script, *places], stderr=subprocess.DEVNULL)
     kernel = eventually(lambda: marker.exists() and marker.read_text())
     run.send_signal(signal.SIGKILL)
     run.wait()
@@ -369,11 +362,7 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     house.experiments = {"first": tiny("First")}
     assert house.run()["first"].reasons == ("no finished run",)
     assert not list((house.out / ".engine").glob(".work.*"))
-    assert sorted(path.name for path in (house.out / "small").iterdir()) == [
-        "first-chart.svg",
-        "first.ipynb",
-        "first.json",
-    ]
+    assert house.left() == ["first-chart.svg", "first.ipynb", "first.json"]
 
 
 def test_two_runs_do_not_write_to_one_folder(without_kernels, house):

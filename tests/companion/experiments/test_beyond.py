@@ -56,10 +56,10 @@ def test_equal_seeds_give_equal_values(record):
 
 
 def test_the_finding_quotes_the_record(record):
-    told = beyond.finding(record)
-    assert interval(record.values["field"]["mean_cm"], "cm") in told
+    sentences = beyond.finding(record)
+    assert interval(record.values["field"]["mean_cm"], "cm") in sentences
     for name in ("field", "paper"):
-        assert percent(record.values[name]["held"]["value"]) in told
+        assert percent(record.values[name]["held"]["value"]) in sentences
 
 
 def test_the_figures_show_the_record(record):

@@ -13,6 +13,7 @@ from trexton.companion.wording import apart, middle, number, percent
 __all__ = ["PLACES", "Headline", "headlines"]
 
 Records = Mapping[str, Mapping[str, Any]]
+Values = Mapping[str, Mapping[str, Any]]  # of one experiment by flight, the real one first
 # How the first page calls the two flights of the book, the real one first.
 PLACES = {"cyberzoo": "on the authors' real flight", "sim-survey": "in the virtual hall"}
 
@@ -34,23 +35,19 @@ def headlines(records: Records) -> list[Headline]:
         Values by flight and experiment, as `trexton.companion.build.prose.records_by_name` gives
         them.
     """
-    makers = (_accuracy, _filter, _better, _spread, _landing)
-    return [headline for make in makers if (headline := make(records)) is not None]
+    found = []
+    for say, experiment in _SENTENCES:
+        own = {
+            flight: records[flight][experiment]
+            for flight in PLACES
+            if experiment in records.get(flight, {})
+        }
+        if own:
+            found.append(Headline(say(own), experiment))
+    return found
 
 
-def _values(records: Records, experiment: str) -> dict[str, Mapping[str, Any]]:
-    """The values of an experiment by flight, the real one first."""
-    return {
-        flight: records[flight][experiment]
-        for flight in PLACES
-        if experiment in records.get(flight, {})
-    }
-
-
-def _accuracy(records: Records) -> Headline | None:
-    values = _values(records, "mocap_training")
-    if not values:
-        return None
+def _accuracy(values: Values) -> str:
     printed = 100 * published()["parameters"]["accuracy_m"]
     errors = {flight: each["filter"]["axis_mean_cm"] for flight, each in values.items()}
     held = [
@@ -63,21 +60,12 @@ def _accuracy(records: Records) -> Headline | None:
     where = " and ".join(
         PLACES[flight] + (unit if flight == "cyberzoo" else "") for flight in held or errors
     )
-    return Headline(
-        f"The paper's accuracy of {number(printed)} cm an axis {says} {where}.",
-        "mocap_training",
-    )
+    return f"The paper's accuracy of {number(printed)} cm an axis {says} {where}."
 
 
-def _filter(records: Records) -> Headline | None:
-    values = _values(records, "mocap_training").values()
-    if not values:
-        return None
-    says = _compared((v["filter"]["mean_cm"], v["knn"]["mean_cm"]) for v in values)
-    return Headline(
-        f"Its particle filter has {says} error than the plain mean of its own neighbours.",
-        "mocap_training",
-    )
+def _filter(values: Values) -> str:
+    says = _compared((v["filter"]["mean_cm"], v["knn"]["mean_cm"]) for v in values.values())
+    return f"Its particle filter has {says} error than the plain mean of its own neighbours."
 
 
 def _compared(pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> str:
@@ -93,43 +81,40 @@ def _compared(pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> s
     return ", elsewhere ".join(words)
 
 
-def _better(records: Records) -> Headline | None:
+def _better(values: Values) -> str:
     """The method beyond the paper."""
-    values = _values(records, "beyond")
-    if not values:
-        return None
     says = _compared((v["field"]["mean_cm"], v["paper"]["mean_cm"]) for v in values.values())
     held = " and ".join(
         f"{percent(middle(each['field']['held']))} {PLACES[flight]}"
         for flight, each in values.items()
     )
-    return Headline(
+    return (
         f"The field of histograms has {says} error than the paper's filter, and its 90 % region "
-        f"covers {held}.",
-        "beyond",
+        f"covers {held}."
     )
 
 
-def _spread(records: Records) -> Headline | None:
-    values = _values(records, "mocap_training")
-    if not values:
-        return None
+def _spread(values: Values) -> str:
     within = {flight: middle(each["spread"]["within_two"]) for flight, each in values.items()}
     claim = "say how large the errors are" if min(within.values()) >= 0.9 else "are overconfident"
     covered = " and ".join(f"{percent(share)} {PLACES[flight]}" for flight, share in within.items())
-    return Headline(
-        f"The paper's particles {claim}. Twice their spread covers {covered}, where 95 % are due.",
-        "mocap_training",
+    return (
+        f"The paper's particles {claim}. Twice their spread covers {covered}, where 95 % are due."
     )
 
 
-def _landing(records: Records) -> Headline | None:
-    values = _values(records, "triggered_landing")
-    if not values:
-        return None
+def _landing(values: Values) -> str:
     flight, landed = next(iter(values.items()))
-    return Headline(
+    return (
         f"The paper's trigger lands {landed['inside']} of {landed['attempts']} flights inside the "
-        f"zone {PLACES[flight]}, and the true position {landed['perfect']['inside']}.",
-        "triggered_landing",
+        f"zone {PLACES[flight]}, and the true position {landed['perfect']['inside']}."
     )
+
+
+_SENTENCES = (
+    (_accuracy, "mocap_training"),
+    (_filter, "mocap_training"),
+    (_better, "beyond"),
+    (_spread, "mocap_training"),
+    (_landing, "triggered_landing"),
+)

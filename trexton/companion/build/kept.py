@@ -42,14 +42,10 @@ def swept(plan: str) -> dict[str, Any] | None:
 def _say_if_stale(name: str, experiment: str, made: Mapping[str, Any]) -> None:
     """On the page, where a kept result was made by other code than stands here."""
     if made.get("code") != made_by(EXPERIMENTS[experiment].module)["code"]:
-        at = (
-            f"at commit {made['commit'][:12]}"
-            if "commit" in made
-            else "at a commit it does not name"
-        )
+        at = f"commit {made['commit'][:12]}" if "commit" in made else "a commit it does not name"
         display(
             HTML(
-                f'<p class="stale">The kept result {escape(name)} was made by other code, {at}. '
+                f'<p class="stale">The kept result {escape(name)} was made by other code, at {at}. '
                 "<code>make full</code> renews it.</p>"
             )
         )

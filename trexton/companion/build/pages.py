@@ -184,14 +184,14 @@ def _figure(cell: nbformat.NotebookNode) -> str | None:
 
 
 def _kind(row: Cells) -> str:
-    """``alike`` on all flights; else ``told``, in words, or ``shown``, in pictures or tables."""
+    """``alike`` on all flights; else ``text``, in words, or ``shown``, in pictures or tables."""
     first = row[0]
     if len(row) == 1 or all(
         cell.source == first.source and _said(cell) == _said(first) and not _has_player(cell)
         for cell in row
     ):
         return "alike"
-    return "told" if all(_is_text(data) for cell in row for data in _said(cell)) else "shown"
+    return "text" if all(_is_text(data) for cell in row for data in _said(cell)) else "shown"
 
 
 def _said(cell: nbformat.NotebookNode) -> list[Mapping[str, Any]]:

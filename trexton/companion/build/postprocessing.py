@@ -53,7 +53,7 @@ def finish_page(path: Path) -> str:
     for element in page.select("#jb-print-docs-body"):  # a second title and contents, never shown
         element.decompose()
     _frame(page)
-    if path.stem not in ("search",):
+    if path.stem != "search":
         _figures(article, path)
         _tables(article, path)
         _downloads(article, path)

@@ -93,13 +93,11 @@ def context(results: Path, values: Mapping[str, Mapping[str, Any]], see: See) ->
 
 def kept_records() -> Tree:
     """``{experiment: values}`` of the long runs kept with the code, ``timings`` too."""
-    records = [Record.load(path) for path in kept_results() if path.stem in EXPERIMENTS]
-    values: dict[str, Any] = {
-        each.experiment: each.values | {"timings": each.timings} for each in records
-    }
-    for each in records:
-        if each.experiment == "fine":
-            values["fine"]["over_floors_cm"] = over_floors(each, "free", "mean_cm")
+    kept = [path for path in kept_results() if path.stem in EXPERIMENTS]
+    records = {path.stem: Record.load(path) for path in kept}
+    values = {name: each.values | {"timings": each.timings} for name, each in records.items()}
+    if "fine" in records:
+        values["fine"]["over_floors_cm"] = over_floors(records["fine"], "free", "mean_cm")
     return Tree(values)
 
 

@@ -41,10 +41,8 @@ __all__ = [
 
 _KEPT = Path("data") / "reference" / "readme.json"
 _PICTURE = Path("book") / "_static" / "flight.webp"
-_BEGIN, _END = (
-    "<!-- results: python -m trexton.companion.build.readme -->",
-    "<!-- end of results -->",
-)
+_BEGIN = "<!-- results: python -m trexton.companion.build.readme -->"
+_END = "<!-- end of results -->"
 _MOST_BYTES = 300_000
 _INCHES, _DPI = (6.4, 3.0), 100
 _FRAMES = 46
@@ -98,8 +96,8 @@ def kept_numbers(results: Path) -> dict[str, Any]:
 
 def floors() -> dict[str, Any]:
     """Mean errors over the floors of the kept long runs, with intervals over floors."""
-    kept = {path.stem: path for path in kept_results() if path.stem in ("aiding", "fine")}
-    records = {name: Record.load(path) for name, path in kept.items()}
+    kept = [path for path in kept_results() if path.stem in ("aiding", "fine")]
+    records = {path.stem: Record.load(path) for path in kept}
     rows = {
         label: _row(look_up(records[name].values, key))
         for label, (name, key) in _FLOORS.items()
@@ -227,14 +225,8 @@ def _drawn(recording: Mapping[str, Any], frames: list[Any], names: list[str]) ->
 def main(root: Path, results: Path) -> None:
     """Renew numbers, table and picture of the clone at `root`."""
     flights = kept_numbers(results)
-    player = next(
-        (
-            p
-            for f in ("sim-survey", _FLIGHT)
-            if (p := results / f / "mocap_training-player.html").is_file()
-        ),
-        None,
-    )
+    players = (results / name / "mocap_training-player.html" for name in ("sim-survey", _FLIGHT))
+    player = next(filter(Path.is_file, players), None)
     if player is None:
         raise TrextonError(f"{results}: no player of mocap_training: make book first")
     data = re.search(r'type="application/json">(.*?)</script>', player.read_text("utf-8"), re.S)

@@ -75,13 +75,22 @@ class Contents:
                     notebooks.setdefault(name, {})[flight] = own
         return notebooks
 
+    @cached_property
+    def _declared(self) -> dict[str, Any]:
+        """The table of contents as it is written."""
+        file = self.source / self.toc_file
+        toc: dict[str, Any] = yaml.safe_load(file.read_text(encoding="utf-8"))
+        return toc
+
+    @property
+    def _notebooks(self) -> list[str]:
+        chapters = [chapter for part in self._declared["parts"] for chapter in part["chapters"]]
+        return [name for chapter in chapters for name in chapter.get("notebooks", ())]
+
     @property
     def named(self) -> list[str]:
         """The experiments that the table of contents names and that there are."""
-        toc = yaml.safe_load((self.source / self.toc_file).read_text(encoding="utf-8"))
-        chapters = [chapter for part in toc["parts"] for chapter in part["chapters"]]
-        names = [name for chapter in chapters for name in chapter.get("notebooks", ())]
-        return [name for name in names if name in set(EXPERIMENTS)]
+        return [name for name in self._notebooks if name in set(EXPERIMENTS)]
 
     @cached_property
     def toc(self) -> dict[str, Any]:
@@ -95,14 +104,11 @@ class Contents:
         DataError
             A page of prose does not exist.
         """
-        file = self.source / self.toc_file
-        toc: dict[str, Any] = yaml.safe_load(file.read_text(encoding="utf-8"))
-        chapters = [chapter for part in toc["parts"] for chapter in part["chapters"]]
-        named = {name for chapter in chapters for name in chapter.get("notebooks", ())}
+        named, parts = self._notebooks, []
         others = [
             {"file": each, "notebooks": [each]} for each in self.executed if each not in named
         ]
-        for part in toc["parts"]:
+        for part in self._declared["parts"]:
             kept = []
             for chapter in part["chapters"]:
                 for one in others if chapter.get("notebooks") == "*" else [chapter]:
@@ -111,11 +117,12 @@ class Contents:
                         kept.append({**one, "notebooks": ran})
                     elif "notebooks" not in one:
                         raise DataError(
-                            f"{file}: the page {one['file']!r} does not exist: write it or drop it"
+                            f"{self.source / self.toc_file}: the page {one['file']!r} does not "
+                            "exist: write it or drop it"
                         )
-            part["chapters"] = kept
-        toc["parts"] = [part for part in toc["parts"] if part["chapters"]]
-        return toc
+            if kept:
+                parts.append({**part, "chapters": kept})
+        return {**self._declared, "parts": parts}
 
     @cached_property
     def pages(self) -> dict[str, list[str]]:

@@ -25,10 +25,13 @@ from trexton.localization.training import training_set
 from trexton.localization.training_set import EXCLUDED_SECONDS
 
 BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
-SHARPNESS_FRAMES = 200  # are enough to tell
+SHARPNESS_FRAMES = 200  # are enough to estimate the share
 STRETCH_S = 5.0  # of a survey: every other one makes half of it
 HELPS = 0.8  # of the error with half of the survey: where the whole errs less, more of it helps
-PARTS, FEWEST_THERE = 3, 5  # of the floor along each side, and test frames that tell of one
+PARTS, FEWEST_THERE = (
+    3,
+    5,
+)  # of the floor along each side, and test frames that say something of one
 NO_CAMERA = "for histograms alone; a camera needs a training flight of pictures"
 DENSE = "a denser survey would bring little"
 
@@ -68,7 +71,7 @@ def best_method(record: Record) -> tuple[str, dict[str, float]]:
 
 
 def is_useful(record: Record) -> bool:
-    """Whether the best method can be told from always guessing the centre."""
+    """Whether the best method is better than always guessing the centre, beyond chance."""
     _, error = best_method(record)
     centre = record.values["errors"]["centre"]["mean_cm"]
     return middle(error) < middle(centre) and apart(error, centre)
@@ -76,8 +79,12 @@ def is_useful(record: Record) -> bool:
 
 def lengths(record: Record) -> Callable[[Any], str]:
     """Says each length of a record, given in cm, in one unit: that of its least mean error."""
-    least = min(middle(entry["mean_cm"]) for entry in record.values["errors"].values())
-    return partial(distance, metres=least >= METRES_FROM)
+    return partial(distance, metres=least_error_cm(record) >= METRES_FROM)
+
+
+def least_error_cm(record: Record) -> float:
+    """The least mean error, yardsticks among them."""
+    return min(middle(entry["mean_cm"]) for entry in record.values["errors"].values())
 
 
 def advice(record: Record, flight: str | None = None) -> list[str]:
@@ -87,7 +94,8 @@ def advice(record: Record, flight: str | None = None) -> list[str]:
     train, fly = commands(record, flight)
     sentences = [*where_it_fails(record), *what_limits(record), *what_next(record, flight)]
     if train:
-        best, seconds = best_method(record)[0], record.timings[best_method(record)[0]]["median_s"]
+        best, _ = best_method(record)
+        seconds = record.timings[best]["median_s"]
         after = f", then `{fly}`." if fly else f" makes its map, {NO_CAMERA}."
         sentences.append(
             f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{_drawn(record)}: "

@@ -19,6 +19,7 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.advice import (
     best_method,
     is_useful,
+    least_error_cm,
     lengths,
     limits,
     stretch_s,
@@ -244,10 +245,8 @@ LABELS = {
 
 
 def _unit(record: Record) -> tuple[str, float]:
-    """What lengths are told in, and how many of it a metre has: as the record's words do."""
-    return length_unit(
-        min(entry["mean_cm"]["value"] for entry in record.values["errors"].values()) / 100
-    )
+    """The unit of lengths, and how many of it a metre has: as in the record's words."""
+    return length_unit(least_error_cm(record) / 100)
 
 
 def over_the_floor(record: Record) -> Figure:

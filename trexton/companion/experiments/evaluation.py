@@ -100,7 +100,7 @@ def flown(
 
     inputs = {"train": train.data_hash, "test": test.data_hash, "method": method,
               "repeats": repeats, **parameters.of_the_map(), **options}  # fmt: skip
-    arrays = cached("flown", "trexton.companion.experiments.track", inputs, compute)
+    arrays = cached("flown", __name__, inputs, compute)
     stored = [{name: arrays[f"{name}-{i}"] for name in ARRAYS} for i in range(repeats)]
     return [Track(**each, estimates=[]) for each in stored]
 
