@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from trexton.vision.patches import gather_patches, position_grid
+from trexton.vision.visual_odometry import followed
 
 __all__ = [
     "FrameMotion",
@@ -29,8 +30,7 @@ HEADING, HEIGHT, STATES = 3, 4, 5  # in a state, after the gains; and how many n
 GAINS = np.array([[1.0, -1.0, -0.5], [1.0, 0.0, 1.0], [1.0, 1.0, -0.5]])
 CHROMA_OFFSET = np.array([0, 128, 128], np.float32)
 WIDTH = 160  # pixels of the small frames between which points are followed
-POINTS, MIN_POINTS = 60, 12  # of a frame; of those that must agree
-MIN_SHARE = 0.5  # of the points
+POINTS, MIN_SHARE = 60, 0.5  # of a frame; of those that must agree
 
 
 def _yuv_from_bgr() -> np.ndarray:
@@ -134,22 +134,10 @@ class FrameMotion:
         size = round(frame.shape[1] * scale), round(frame.shape[0] * scale)
         small = cv2.resize(np.ascontiguousarray(frame[..., 0]), size, interpolation=cv2.INTER_AREA)
         last, self._last = self._last, small
-        if last is None:
+        motion = None if last is None else followed(last, small, POINTS)
+        if motion is None or motion[1] < MIN_SHARE:
             return None
-        points = cv2.goodFeaturesToTrack(last, POINTS, 0.01, 5)
-        if points is None or len(points) < MIN_POINTS:
-            return None
-        seen, status, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]  # OpenCV makes the points
-            last, small, points, None
-        )
-        kept = status.ravel() == 1
-        if kept.sum() < MIN_POINTS:
-            return None
-        matrix, inliers = cv2.estimateAffinePartial2D(
-            points[kept], seen[kept], ransacReprojThreshold=1.0
-        )
-        if matrix is None or inliers.sum() < max(MIN_POINTS, MIN_SHARE * len(points)):
-            return None
+        matrix, _ = motion
         moved, middle = complex(matrix[0, 0], matrix[1, 0]), (np.array(size) - 1) / 2
         shift = (matrix[:, :2] @ middle + matrix[:, 2] - middle) / size
         return np.array([np.angle(moved), -np.log(abs(moved)), *shift])

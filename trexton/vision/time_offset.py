@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trexton.vision.visual_odometry import shrink
+from trexton.vision.visual_odometry import FEWEST, followed, shrink
 
 __all__ = [
     "LONGEST_S",
@@ -38,7 +38,7 @@ LONGEST_FLIGHT_S = 1e5  # stamps of another unit may reach further
 SMOOTHED_S = 0.2  # of the yaw: its noise must weigh the same on its stamps and between them
 GRID_S, AROUND_S = 0.02, 0.3  # between the offsets of speeds that are tried, and smoothed over
 WIDTH = 160  # pixels of the frames that turns are read off, about
-CORNERS, FEWEST = 120, 12  # points that are followed from frame to frame, and at least
+CORNERS = 120  # that are followed from frame to frame
 
 
 @dataclass(frozen=True)
@@ -103,18 +103,10 @@ def small(image: np.ndarray) -> np.ndarray:
 
 
 def _turn(before: np.ndarray, after: np.ndarray) -> float:
-    corners = cv2.goodFeaturesToTrack(before, CORNERS, 0.01, 5)
-    if before.shape != after.shape or corners is None:
+    motion = followed(before, after, CORNERS)
+    if motion is None:
         return float("nan")
-    moved, ok, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, np.empty(0, np.float32))
-    kept = ok.ravel() > 0
-    if kept.sum() < FEWEST:
-        return float("nan")
-    similarity, inliers = cv2.estimateAffinePartial2D(
-        corners[kept], moved[kept], ransacReprojThreshold=1.0
-    )
-    if similarity is None or inliers.sum() < FEWEST:
-        return float("nan")
+    similarity, _ = motion
     # Rows count downwards: a picture turns clockwise where its camera turns the other way.
     return float(np.arctan2(similarity[1, 0], similarity[0, 0]))
 

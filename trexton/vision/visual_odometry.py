@@ -17,9 +17,10 @@ from trexton.base.errors import ImageError, ParameterError
 from trexton.base.options import whole
 from trexton.vision.camera import Camera, transform_points
 
-__all__ = ["Motion", "VisualOdometry", "shrink", "shrunken_camera"]
+__all__ = ["Motion", "VisualOdometry", "followed", "shrink", "shrunken_camera"]
 
 _LEVEL = np.zeros(3)
+FEWEST = 12  # points that must be followed from frame to frame, and agree
 
 
 def shrink(image: np.ndarray, factor: int) -> np.ndarray:
@@ -36,6 +37,25 @@ def shrunken_camera(camera: Camera, factor: int) -> Camera:
     x, y = camera.principal_point
     center = ((x + 0.5) / factor - 0.5, (y + 0.5) / factor - 0.5)
     return Camera(camera.width // factor, camera.height // factor, camera.focal / factor, center)
+
+
+def followed(before: np.ndarray, after: np.ndarray, most: int) -> tuple[np.ndarray, float] | None:
+    """``(2, 3)`` turn, scale and shift that take the pixels of a luma frame to the next, by at most
+    so many points that are followed, and the share of them that agree; None where they are too few.
+    """
+    points = cv2.goodFeaturesToTrack(before, most, 0.01, 5)
+    if before.shape != after.shape or points is None:
+        return None
+    moved, status, _ = cv2.calcOpticalFlowPyrLK(before, after, points, np.empty(0, np.float32))
+    kept = status.ravel() > 0
+    if kept.sum() < FEWEST:
+        return None
+    matrix, inliers = cv2.estimateAffinePartial2D(
+        points[kept], moved[kept], ransacReprojThreshold=1.0
+    )
+    if matrix is None or inliers.sum() < FEWEST:
+        return None
+    return matrix, float(inliers.sum() / len(points))
 
 
 @dataclass(frozen=True, eq=False)
