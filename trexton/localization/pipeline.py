@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -129,7 +129,7 @@ class Pipeline:
             The frame does not fit the map.
         """
         self._check(frame)
-        return self._histogram(frame, aiding)
+        return self._histogram(self.view(frame, aiding=aiding), aiding)
 
     def step(
         self,
@@ -172,7 +172,7 @@ class Pipeline:
         if observation is None and self._odometry is not None:
             self._odometry.missed()
         if self._appearance is not None and observation is not None:
-            observation.histogram  # noqa: B018  the appearance looks at the frame first
+            observation.histogram  # noqa: B018  the appearance takes the frame first
             observation.familiar = self._appearance.settled
         self.filter.step(observation)
         self._mark("filter")
@@ -211,14 +211,15 @@ class Pipeline:
         self._check(frame)
         if self._odometry is not None and frame.ndim > 1:
             aiding = self._odometry.aid(frame, aiding, time)
+        seen = cache(partial(self.view, frame, aiding=aiding))
         if self._appearance is not None and frame.ndim > 1:
-            aiding = self._appearance.aid(self.view(frame, aiding=aiding), aiding)
+            aiding = self._appearance.aid(seen(), aiding)
         return Observation(
             None if frame.ndim == 1 else frame,
             aiding=aiding,
             time=time,
             samples=samples,
-            histogram=lambda: self._histogram(frame, aiding),
+            histogram=lambda: self._histogram(seen(), aiding),
             neighbors=self._neighbors,
         )
 
@@ -263,10 +264,10 @@ class Pipeline:
             )
 
     def _histogram(self, frame: np.ndarray, aiding: Aiding | None) -> np.ndarray:
-        dictionary = self.map.dictionary
+        """Of a frame in the view of the map."""
+        dictionary, cells = self.map.dictionary, self.map.cells
         if dictionary is None or frame.ndim == 1:
             return frame
-        frame, cells = self.view(frame, aiding=aiding), self.map.cells
         if self._appearance is not None:
             yaw = None if aiding is None or "view" in self.parts else aiding.yaw
             self._appearance.update(frame, yaw)
