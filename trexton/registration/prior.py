@@ -16,7 +16,7 @@ from trexton.vision.camera import wrapped
 
 Array = NDArray[Any]
 
-__all__ = ["ALL_HEADINGS", "PosePrior", "Prior"]
+__all__ = ["ALL_HEADINGS", "PosePrior", "Prior", "Seen"]
 
 ALL_HEADINGS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
 ALL_HEADINGS.setflags(write=False)
@@ -67,6 +67,16 @@ class Prior:
         if self.last is not None:
             return np.asarray(self.last[5] + _TURN * np.arange(-self.steps, self.steps + 1))
         return ALL_HEADINGS
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A shrunken frame, what is expected of its pose, and the view's motion."""
+
+    frame: Array
+    prior: Prior
+    moved: Array
+    sure: float
 
 
 class PosePrior:

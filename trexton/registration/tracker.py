@@ -15,7 +15,7 @@ from trexton.registration.alignment import Aligner, Alignment
 from trexton.registration.belief import CellBelief, Window
 from trexton.registration.correlation import CoarseMatcher
 from trexton.registration.ground import FRAME, Ground, fine_cell
-from trexton.registration.prior import ALL_HEADINGS, PosePrior, Prior
+from trexton.registration.prior import ALL_HEADINGS, PosePrior, Seen
 from trexton.registration.trust import FloorFix, Trust
 from trexton.registration.view_motion import KNOWN, ViewMotion
 from trexton.vision.camera import Camera, MapImage, wrapped
@@ -126,7 +126,7 @@ class FloorTracker:
             self._pose, self._view.velocity, self._missed = None, None, _PATIENCE
         steps = min(self._gone, _PATIENCE) + 1
         prior = self.pose_prior.prior(attitude, height, self._pose, steps)
-        seen = _Seen(frame, prior, *self.odometry.shift(frame))
+        seen = Seen(frame, prior, *self.odometry.shift(frame))
         if self._last is None or late:
             self.belief.reset(prior.headings, kept=_KEPT if late else 0.0)
         elif prior.turned:
@@ -152,7 +152,7 @@ class FloorTracker:
             self._pose = self._view.velocity = None
         return fix
 
-    def _predict(self, seen: _Seen) -> Array:
+    def _predict(self, seen: Seen) -> Array:
         """Move the belief; returns the ``(2,)`` cells (column, row) that the last pose moved by."""
         height, cell = seen.prior.mean[2], self.coarse.ground.cell
         right, up = seen.moved * height / self.camera.focal / cell
@@ -178,7 +178,7 @@ class FloorTracker:
             return whole
         return self.belief.around_all(self.coarse.ground.to_cells(places()), _COARSE) or whole
 
-    def _weigh(self, seen: _Seen, window: Window) -> None:
+    def _weigh(self, seen: Seen, window: Window) -> None:
         """Multiply the belief by how well the frame fits inside a window."""
         fits = []
         for heading in self.belief.headings:
@@ -188,7 +188,7 @@ class FloorTracker:
         self.belief.weigh(np.array(fits), window)
         self.belief.drop_headings()
 
-    def _candidates(self, seen: _Seen, moved: Array) -> list[_Candidate]:
+    def _candidates(self, seen: Seen, moved: Array) -> list[_Candidate]:
         """Align the frame at the most likely places, and where the last pose moved to."""
         starts, continued = [], -1
         # As long as it is lost, a place is worth a look however little is believed of it.
@@ -208,19 +208,17 @@ class FloorTracker:
         for index, (place, heading, held) in enumerate(starts):
             start = np.array([*seen.prior.mean[:5], heading])
             start[:2] = self.coarse.ground.to_world(place) - self.aligner.center(start)
-            expected = np.array([*start[:3], *seen.prior.mean[3:5], start[5]])
             deviation = seen.prior.deviation
             if index == continued:
                 deviation = np.array([*[KNOWN * self.coarse.ground.cell] * 2, *deviation[2:]])
-            aligned = self.aligner.align(seen.frame, start, expected, deviation)
+            aligned = self.aligner.align(seen.frame, start, start, deviation)
             candidates.append(_Candidate(place, held, aligned))
         return candidates
 
-    def _settle(self, seen: _Seen, candidates: list[_Candidate]) -> tuple[FloorFix, Alignment]:
+    def _settle(self, seen: Seen, candidates: list[_Candidate]) -> tuple[FloorFix, Alignment]:
         """Weigh the candidates by how well they fit once aligned, and take the best."""
-        gains = self.trust.gain(
-            np.array([each.aligned.score for each in candidates]), self.trust.fine
-        )
+        scores = np.array([each.aligned.score for each in candidates])
+        gains = self.trust.gain(scores, self.trust.fine)
         factors = np.exp(gains - gains.max())
         weights = factors * [each.held for each in candidates]
         if len(candidates) > 1:
@@ -242,28 +240,26 @@ class FloorTracker:
         covariance = self.trust.covariance(best.covariance)
         if lost:
             covariance = self.belief.moments()[1] * self.coarse.ground.cell**2
-        alone = not lost and not seen.prior.turned  # a compass must not be told its own yaw
+        alone = not lost and not seen.prior.turned  # a compass must not get its own yaw back
         sigma = self.trust.heading_sigma(best.covariance, self.height) if alone else np.nan
         return FloorFix(best.pose, covariance, best.score, held, lost, True, sigma), best
 
-    def _coast(self, fix: FloorFix, moved: Array, seen: _Seen) -> FloorFix:
-        """The floor was not recognized: move the last pose on by odometry for a while."""
+    def _coast(self, fix: FloorFix, moved: Array, seen: Seen) -> FloorFix:
+        """The floor was not recognized, `fix` is lost: move the last pose on for a while."""
         self._missed = min(self._missed + 1, _PATIENCE)
         if self._pose is None or self._missed == _PATIENCE or self._last is None:
             if self._pose is not None and not seen.prior.turned:
                 self.belief.reset(ALL_HEADINGS)
             self._pose = self._view.velocity = None
-            self._last = replace(fix, lost=True, heading_sigma=np.nan)
-            return self._last
+            self._last = fix
+            return fix
         cell = self.coarse.ground.cell
         metres = moved * (1, -1) * cell
         self._pose = np.concatenate([self._pose[:2] + metres, self._pose[2:]])
         self._view.aimed = self._view.aimed + metres
         wider = self._last.covariance + (_DRIFT * seen.prior.steps * cell) ** 2 * np.eye(2)
         unsure = self._last.lost or seen.sure < _CERTAIN
-        self._last = replace(
-            fix, pose=self._pose, covariance=wider, lost=unsure, heading_sigma=np.nan
-        )
+        self._last = replace(fix, pose=self._pose, covariance=wider, lost=unsure)
         return self._last
 
     def _remember(self, fix: FloorFix) -> None:
@@ -288,16 +284,6 @@ class FloorTracker:
         return replace(
             last, pose=pose, covariance=wider, lost=lost, observed=False, heading_sigma=np.nan
         )
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """A shrunken frame, what is expected of its pose, and the view's motion."""
-
-    frame: Array
-    prior: Prior
-    moved: Array
-    sure: float
 
 
 @dataclass(frozen=True, eq=False)
