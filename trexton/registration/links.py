@@ -6,7 +6,6 @@ decimetres, and a match that is good but one tile off is the one error that no r
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from trexton.flights.flight import Flight
 from trexton.registration.homography import Keypoints, detect_keypoints, find_homography
 from trexton.registration.poses import world_from_pixel
 from trexton.vision.camera import Camera, transform_points
+from trexton.vision.threads import usable_cores
 
 __all__ = [
     "Anchors", "Links", "flight_keypoints", "match_frames", "spatial_links", "successive_links",
@@ -85,7 +85,7 @@ class Anchors:
 
 def threads() -> ThreadPoolExecutor:
     """A pool as large as the machine, within reason: OpenCV and NumPy release Python's lock."""
-    return ThreadPoolExecutor(min(4, os.cpu_count() or 1))
+    return ThreadPoolExecutor(min(4, usable_cores()))
 
 
 def flight_keypoints(flight: Flight, *, scale: float, limit: int) -> list[Keypoints]:
