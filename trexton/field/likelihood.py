@@ -121,16 +121,14 @@ class TileTables:
 
         A tile of several may show what was not there: a mixture at every cell.
         """
-        known = [table.log_likelihood(tile) for tile, table in self._tiles(features)]
-        if len(known) == 1:
-            return np.stack(known)
-        mixed = [
-            np.logaddexp(log_likelihood, table.log_likelihood(tile) + np.log(CLUTTER_SHARE))
-            for log_likelihood, (tile, _), table in zip(
-                known, self._tiles(features), self.anywhere, strict=True
-            )
-        ]
-        return np.stack(mixed)
+        found = []
+        for (tile, table), anywhere in zip(self._tiles(features), self.anywhere, strict=True):
+            likely = table.log_likelihood(tile)
+            if len(self.tables) > 1:
+                clutter = anywhere.log_likelihood(tile) + np.log(CLUTTER_SHARE)
+                likely = np.logaddexp(likely, clutter)
+            found.append(likely)
+        return np.stack(found)
 
     def squared_residual(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """``(N,)`` squared deviations a feature of frames ``(N, d)``, each at its cell."""

@@ -138,11 +138,12 @@ class TrackFilter:
             hypotheses.predict()
             return
         by_frame = log_posterior = self.measurement.log_posterior(observation)
-        residual = self.measurement.normalized_residual(observation, log_posterior)
-        before = self._predicted()
+        best = hypotheses.states[:1]
+        before = best[:, :2] + self._period_s * best[:, 2:4]  # where the best expects the vehicle
         if not observation.familiar:
             log_posterior = np.zeros_like(log_posterior)
         elif self._tiles:  # tiles that show a rug, say, place it nowhere
+            residual = self.measurement.normalized_residual(observation, log_posterior)
             log_posterior = log_posterior / max(1.0, residual) ** TEMPERING
         peak = log_posterior.max()
         kept = np.flatnonzero(log_posterior > peak - LOG_LIKELIHOOD_RANGE)
@@ -177,16 +178,8 @@ class TrackFilter:
         elif measured is not None and velocity is None:
             self._bias = measured - hypotheses.states[0, 2:4]
 
-    def _predicted(self) -> np.ndarray | None:
-        """``(2,)`` where the best hypothesis expects the vehicle."""
-        if not len(self.hypotheses):
-            return None
-        best = self.hypotheses.states[0]
-        place: np.ndarray = best[:2] + self._period_s * best[2:4]
-        return place
-
     def _judge(
-        self, observation: Observation, log_posterior: np.ndarray, before: np.ndarray | None
+        self, observation: Observation, log_posterior: np.ndarray, before: np.ndarray
     ) -> None:
         """How well the frame fits at the estimate, and for how long frames have supported it."""
         best = self.hypotheses.states[0, :2]
@@ -196,7 +189,7 @@ class TrackFilter:
         residual = self.measurement.normalized_residual(observation, log_posterior)
         residual = min(residual, RESIDUAL_LIMIT)
         self._residual += (residual - self._residual) * self._residual_gain
-        jumped = before is None or np.hypot(*(best - before)) > 2 * self.hypotheses.radius
+        jumped = (np.hypot(*(best - before).T) > 2 * self.hypotheses.radius).all()
         self._supported = 0 if jumped or self._doubtful() else self._supported + 1
 
     def _doubtful(self) -> bool:
