@@ -7,8 +7,7 @@ the height, relative to the survey's. A few states are tried on patches of the f
 weighted by the evidence of the field: the likelihood of the corrected histogram, summed over the
 floor. Their moments are the next state (assumed density filtering by importance sampling). Tiles of
 the image that lie in a shadow have a brightness of their own. While frames fit no place, states
-from all over the prior compete for a few frames. The paper names light and heading as limits of its
-method (Discussion).
+from all over the prior compete for a few frames.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ __all__ = ["AppearanceFilter"]
 PRIOR_SIGMA = np.array([0.25, 0.04, 0.04, 0.0, 0.1])  # about the survey; of any heading
 START_SIGMA = np.array([0.08, 0.02, 0.02, 0.1, 0.04])  # about a state that was just chosen
 FOLLOW_SIGMA = np.array([0.03, 0.01, 0.01, 0.03, 0.02])  # at most, while it is followed
-MIN_SIGMA = np.array([0.006, 0.002, 0.002, 0.004, 0.004])  # what the patches of a frame can tell
+MIN_SIGMA = np.array([0.006, 0.002, 0.002, 0.004, 0.004])  # what the patches of a frame resolve
 WALK = np.array([0.006, 0.002, 0.002, 0.003, 0.004])  # a frame; of the heading beyond what is seen
 TURN_SHARE = 0.1  # of a turn, by which that is seen too small or too large
 GROUPS = np.array([[1, 1, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1]], dtype=bool)
@@ -47,9 +46,7 @@ GATE = np.array([20.0, 0.0, 30.0])  # log Bayes factors against the survey's, fr
 CHOSEN_FACTOR = 40.0  # of a state that was just chosen
 FACTOR_LIMITS = (-6.0, 120.0)
 GATE_MEMORY = 0.92  # of that factor, an update
-RETURN = np.array(
-    [0.8, 0.8, 0.8, 0.98, 0.8]
-)  # a step back to the survey of a group for which nothing speaks
+RETURN = np.array([0.8, 0.8, 0.8, 0.98, 0.8])  # to the survey, a step, where nothing speaks
 DEADBAND = np.array([0.04, 0.015, 0.015, 0.1, 0.06])  # below, a frame is taken as it is
 EVIDENCE_SHARE = 0.25  # of a frame: its neighbours err alike
 WIDENED = 1.3  # proposals, over the state's own deviation
@@ -119,7 +116,7 @@ class AppearanceFilter:
         self._evidence.near(None)
         self._bank: np.ndarray | None = None
         self._other = 0.0  # brightness, of the tiles that were in another light lately
-        self._lost = 0
+        self._lost, self._residual = 0, 0.5
 
     def locate(self, estimate: Estimate) -> None:
         """Tell where the last frame was taken: the next is sought there first."""
@@ -132,10 +129,7 @@ class AppearanceFilter:
 
     def corrected(self, frame: np.ndarray) -> np.ndarray:
         """``(H, W, 3) uint8``: a frame as it would look as surveyed; itself where it does."""
-        state = self._used
-        if state.any() or self.levels.any():
-            return corrected_frame(frame, state, self.levels)
-        return frame
+        return corrected_frame(frame, self._used, self.levels)
 
     @property
     def _used(self) -> np.ndarray:
@@ -155,10 +149,9 @@ class AppearanceFilter:
         offsets, side = self._offsets, isqrt(len(self._offsets))
         if moved is None or side < 2 or known.velocity is not None or not self.settled:
             return aiding
-        state = self._used
         sides = side * np.array([offsets[1] - offsets[0], offsets[side] - offsets[0]])  # metres
         shape = np.array(frame.shape[1::-1])
-        seen = np.linalg.solve(affine(frame.shape, state)[:, :2], moved[2:] * shape) / shape
+        seen = np.linalg.solve(affine(frame.shape, self._used)[:, :2], moved[2:] * shape) / shape
         velocity = -seen @ sides / self._period_s
         return replace(known, velocity=velocity, velocity_sigma=VELOCITY_SIGMA)
 
@@ -189,8 +182,7 @@ class AppearanceFilter:
         self.mean, self.covariance = state, np.diag(np.square(START_SIGMA))
         self.levels = np.zeros(len(self._offsets))
         self._factors = np.where((GROUPS & (state != 0)).any(axis=1), CHOSEN_FACTOR, 0.0)
-        self._wait, self._residual = 0, 0.5
-        self._most = START_SIGMA
+        self._wait, self._most = 0, START_SIGMA
 
     def _search(self) -> None:
         """Begin anew with states of the prior, the last one and that of the survey among them."""
@@ -217,11 +209,8 @@ class AppearanceFilter:
         self._scores += evidence
         self._left -= 1
         best = np.argsort(-self._scores, kind="stable")[:SEARCH_KEPT]
-        residual = self._residual + RESIDUAL_GAIN * (
-            float(residuals[best[0]].mean()) - self._residual
-        )
+        self._residual += RESIDUAL_GAIN * (float(residuals[best[0]].mean()) - self._residual)
         self._choose(bank[best[0]].copy())
-        self._residual = residual
         parents = np.tile(bank[best], (SEARCH_CHILDREN + 1, 1))
         children = self._rng.standard_normal(parents.shape) * START_SIGMA
         children[:SEARCH_KEPT] = 0
@@ -229,11 +218,10 @@ class AppearanceFilter:
         shrink = (self._left + 1) / SEARCH_FRAMES
         self._bank = parents + shrink * children
         self._scores = np.tile(self._scores[best], SEARCH_CHILDREN + 1)
-        if not self._left:
-            if residual < MISFIT:
-                self._bank = None
-            else:
-                self._search()
+        if not self._left and self._residual < MISFIT:
+            self._bank = None
+        elif not self._left:
+            self._search()
 
     def _follow(self, frame: np.ndarray) -> None:
         """Moments of states about the last one, weighted by their evidence."""
@@ -277,8 +265,7 @@ class AppearanceFilter:
         Once most of the tiles are in another light, it is that of the frame.
         """
         drawn = TILE_SIGMA * _strata(TILE_LEVELS, self._rng) - self.mean[0]
-        usual = np.r_[0.0, self._other - self.mean[0], -self.mean[0], self.levels]
-        levels = np.r_[usual, drawn]
+        levels = np.r_[0.0, self._other - self.mean[0], -self.mean[0], self.levels, drawn]
         penalty = np.where(levels == 0, 0, TILE_PENALTY)
         coarse = self._likeliest(frame, levels, np.tile(penalty, (len(self.levels), 1)))
         for spacing in (1.0, 0.5):

@@ -94,7 +94,7 @@ class Field(MeasurementModel):
             candidates = Features.candidates(histograms, parts)
         if not candidates[0].axes.shape[1]:
             raise MapError(
-                f"all {len(histograms)} training histograms are alike: no place can be told from "
+                f"all {len(histograms)} training histograms are alike: no place differs from "
                 "another, record a flight over a floor with some pattern"
             )
         # Far from where x and y are zero distances would be rounded: that moves by kilometres.
