@@ -43,7 +43,9 @@ def surveyed(tmp_path_factory):
 AS_SURVEYED = Light()
 
 
-def flown(surveyed, light=AS_SURVEYED, heading=0.0, frames=70, rate=0.0, told=False, **choices):
+def flown(
+    surveyed, light=AS_SURVEYED, heading=0.0, frames=70, rate=0.0, yaw_known=False, **choices
+):
     """Errors in metres, whether lost, and the filter of the appearance."""
     floor, texton_map = surveyed
     ways, rng = np.random.default_rng(5).spawn(2)
@@ -56,7 +58,7 @@ def flown(surveyed, light=AS_SURVEYED, heading=0.0, frames=70, rate=0.0, told=Fa
         for _ in range(2):
             simulator.heading += rate
             simulator.step(plan.goal(simulator.vehicle.state.position))
-        aiding = Aiding(yaw=float(simulator.state.attitude[2])) if told else None
+        aiding = Aiding(yaw=float(simulator.state.attitude[2])) if yaw_known else None
         estimate = localizer.step(simulator.render(), aiding=aiding)
         errors.append(np.hypot(*(estimate.position - simulator.state.position[:2])))
         lost.append(estimate.lost)
@@ -86,7 +88,7 @@ def test_any_heading_at_the_start_is_noticed(surveyed):
 def test_a_given_yaw_is_used_while_the_vehicle_turns(surveyed):
     turning = {"rate": np.radians(120) / 140}
     blind, _, _ = flown(surveyed, **turning, appearance="none")
-    errors, lost, _ = flown(surveyed, **turning, told=True)
+    errors, lost, _ = flown(surveyed, **turning, yaw_known=True)
     assert 1.5 * np.median(errors[10:]) < np.median(blind[10:])
     assert not lost[20:].any()
 

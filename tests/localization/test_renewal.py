@@ -41,7 +41,7 @@ def test_frames_of_a_changed_place_are_replaced_and_others_stay(method):
     assert error(new) < error(texton_map)
 
 
-def test_what_renews_nothing_is_told_so():
+def test_what_renews_nothing_is_refused():
     flight = histogram_flight("old")
     texton_map = train_map(flight, rng=np.random.default_rng(0))
     rng = np.random.default_rng(0)
