@@ -85,10 +85,12 @@ def test_positions_and_how_far_they_may_be_off(air):
     ]
     # The map's +y points east, its +x south.
     assert places == [pytest.approx((2.5, -x, 1.2)) for x in (1.5, 1.6, 1.7)]
-    told = [data for port, channel, data in packets if (port, channel) == (CRTPPort.PARAM, 3)]
+    deviations = [data for port, channel, data in packets if (port, channel) == (CRTPPort.PARAM, 3)]
     name = b"\0locSrv\0extPosStdDev\0\x06"
-    assert [data[: len(name)] for data in told] == [name] * 2
-    assert [struct.unpack("<f", data[len(name) :])[0] for data in told] == pytest.approx([0.2, 0.5])
+    assert [data[: len(name)] for data in deviations] == [name] * 2
+    assert [struct.unpack("<f", data[len(name) :])[0] for data in deviations] == pytest.approx(
+        [0.2, 0.5]
+    )
     # No setpoint: cflib's own way to close a link sends one, of no thrust.
     assert {port for port, _, _ in packets} == {CRTPPort.PARAM, CRTPPort.LOCALIZATION}
     assert (air.opened, air.closed) == (1, 1)

@@ -74,7 +74,7 @@ def test_the_heading_is_within_two_degrees_also_after_it_was_carried_away(fine):
     assert 0.8 < np.mean(np.abs(errors) < 1.645 * np.array(sigmas))
 
 
-def test_a_compass_is_not_told_its_own_yaw_nor_a_prediction_a_heading(fine):
+def test_a_compass_does_not_get_its_own_yaw_nor_a_prediction_a_heading(fine):
     room, localizer = turned(5, 0.0), Localizer(fine, rng=rng_of(1))
     for _ in range(25):
         room.step(np.array([2.0, 2.0]))
@@ -82,8 +82,8 @@ def test_a_compass_is_not_told_its_own_yaw_nor_a_prediction_a_heading(fine):
     assert abs(estimate.heading - room.state.attitude[2]) < np.radians(2)
     assert localizer.step(None).heading is None
     yaw = Aiding(yaw=float(room.state.attitude[2]))
-    told = localizer.step(room.render(), aiding=yaw)
-    assert told.heading is None and not told.lost
+    aided = localizer.step(room.render(), aiding=yaw)
+    assert aided.heading is None and not aided.lost
 
 
 class WithoutCompass:

@@ -37,7 +37,7 @@ MAX_TURN_FRAMES = 500  # frames of which it is looked at how they turn
 MAX_BLUR = 0.65  # of `blur_effect`: sharp frames of the simulated hall stay below 0.6
 MAX_SATURATED = 0.2  # share of pixels that are black or white
 MIRROR_MARGIN = 0.05  # by which a floor's mirror image must fit better: some floors are symmetric
-NOVELTY = 0.99  # quantile of training distances: one place in a hundred alarms in vain
+NOVELTY = 0.99  # quantile of training distances: one place in a hundred alarms without cause
 
 
 class _Watch:

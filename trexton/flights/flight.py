@@ -141,11 +141,8 @@ class Flight:
                 f"flight {self.name!r} has {key} of type {kind}: expected numbers{unit}"
             ) from None
         columns = _COLUMNS.get(key, "")
-        if numbers.ndim != 1 + bool(columns) or columns not in (
-            "",
-            "K",
-            *map(str, numbers.shape[1:]),
-        ):
+        fitting = ("", "K", *map(str, numbers.shape[1:]))
+        if numbers.ndim != 1 + bool(columns) or columns not in fitting:
             raise FlightError(
                 f"flight {self.name!r} has {key} of shape {numbers.shape}: expected "
                 f"(N,{' ' * bool(columns)}{columns})"

@@ -152,31 +152,31 @@ class Continuity:
     def mark(self, fix: Fix) -> Fix:
         """The fix with its `resets`, held back where it must be; only usable fixes that an image
         went into are compared."""
-        if not (fix.usable and fix.observed):
+        held = False
+        if fix.usable and fix.observed:
+            held = self._held_back(fix)
+        else:
             self._interrupted |= fix.lost
-            return replace(fix, resets=self.resets)
-        last = self._last
+        return replace(fix, lost=fix.lost or held, resets=self.resets)
+
+    def _held_back(self, fix: Fix) -> bool:
+        """Whether it is of another hypothesis than was sent, which has not lasted yet."""
+        last, other = self._last, self._other
         jumped = last is not None and self._jumped(fix, last)
         waited = last is None or (self._interrupted and fix.time - last.time > self._gap_s)
-        if not (jumped or waited):
-            self._follow(fix)
-            return replace(fix, resets=self.resets)
-        other = self._other
-        if other is None or fix.time - other.time > self._gap_s or self._jumped(fix, other):
-            self._since, self._needed = fix.time, RETURN_S
-            if last is None:
-                self._needed = FIRST_S
-            elif jumped:
-                self._needed = max(FIRST_S, RESET_TIMES * fix.fusion.independent_s)
-        self._other = fix
-        if fix.time - self._since < self._needed - 1e-6:
-            return replace(fix, lost=True, resets=self.resets)
-        self.resets += jumped
-        self._follow(fix)
-        return replace(fix, resets=self.resets)
-
-    def _follow(self, fix: Fix) -> None:
+        if jumped or waited:
+            if other is None or fix.time - other.time > self._gap_s or self._jumped(fix, other):
+                self._since, self._needed = fix.time, RETURN_S
+                if last is None:
+                    self._needed = FIRST_S
+                elif jumped:
+                    self._needed = max(FIRST_S, RESET_TIMES * fix.fusion.independent_s)
+            self._other = fix
+            if fix.time - self._since < self._needed - 1e-6:
+                return True
+            self.resets += jumped
         self._last, self._other, self._interrupted = fix, None, False
+        return False
 
     def _jumped(self, fix: Fix, last: Fix) -> bool:
         allowed = fix.covariance + last.covariance + self._growth(max(fix.time - last.time, 0.0))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["LocalFrame", "decoupled"]
+__all__ = ["LocalFrame", "decoupled", "largest_deviation"]
 
 
 @dataclass(frozen=True)
@@ -61,3 +61,8 @@ def decoupled(covariance: np.ndarray) -> np.ndarray:
     """
     bound: np.ndarray = covariance + abs(covariance[0, 1]) * np.eye(2)
     return bound
+
+
+def largest_deviation(covariance: np.ndarray) -> float:
+    """The larger standard deviation of a `decoupled` covariance, for one number of accuracy."""
+    return float(np.sqrt(np.diagonal(decoupled(covariance)).max()))

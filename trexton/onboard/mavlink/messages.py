@@ -16,7 +16,7 @@ from pymavlink.quaternion import QuaternionBase
 from pymavlink.rotmat import Matrix3, Vector3
 
 from trexton.localization.estimate import ignorance
-from trexton.onboard.local import LocalFrame, decoupled
+from trexton.onboard.local import LocalFrame, decoupled, largest_deviation
 
 __all__ = [
     "ATTITUDE", "HEIGHT", "LANDED_STATE", "Report", "VELOCITY", "gps_input", "heartbeat",
@@ -29,15 +29,12 @@ ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 LANDED_STATE = mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
 HEIGHT = mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR
 VELOCITY = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
-UNKNOWN_HEIGHT = (
-    100.0  # square metres: a height nobody measured must weigh nothing even if it is fused
-)
+# Square metres: a height nobody measured must weigh nothing even if it is fused.
+UNKNOWN_HEIGHT = 100.0
 UNKNOWN_ANGLE = math.pi**2  # square radians
 EARTH = 6_371_000.0  # radius in metres
-GPS_EPOCH, WEEK = (
-    315_964_800 - 18,
-    604_800,
-)  # 6 January 1980 in Unix time, leap seconds since; both s
+GPS_EPOCH = 315_964_800 - 18  # seconds: 6 January 1980 in Unix time, leap seconds since
+WEEK = 604_800  # seconds
 SATELLITES = 10  # as many as ArduPilot asks for before it flies by them
 # Variances of roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row.
 _ANGLES = (15, 18, 20)
@@ -66,12 +63,9 @@ def pose_covariance(
     """
     entries = [cross] * 21
     bound = decoupled(covariance)
-    entries[0], entries[1], entries[6] = (
-        rounded_up(bound[0, 0]),
-        float(bound[0, 1]),
-        rounded_up(bound[1, 1]),
-    )
-    entries[11] = rounded_up(height)
+    entries[1] = float(bound[0, 1])
+    for place, variance in ((0, bound[0, 0]), (6, bound[1, 1]), (11, height)):
+        entries[place] = rounded_up(variance)
     for place in _ANGLES:
         entries[place] = angle
     return entries
@@ -165,11 +159,9 @@ def gps_input(
     """
     north, east, down = local.ned(report.position)
     latitude, longitude, altitude = origin
-    degrees = (
-        np.degrees(north / EARTH),
-        np.degrees(east / (EARTH * math.cos(math.radians(latitude)))),
-    )
-    accuracy = float(np.sqrt(np.diagonal(decoupled(report.covariance)).max()))
+    to_north = np.degrees(north / EARTH)
+    to_east = np.degrees(east / (EARTH * math.cos(math.radians(latitude))))
+    accuracy = largest_deviation(report.covariance)
     week, seconds = divmod(unix - GPS_EPOCH, WEEK)
     yaw = 0  # hundredths of a degree; 0 is unknown, and north is 36000
     if math.isfinite(report.yaw):
@@ -179,7 +171,7 @@ def gps_input(
     return mavlink.MAVLink_gps_input_message(
         report.stamp_us, 0, ignored, round(1000 * seconds), int(week),
         mavlink.GPS_FIX_TYPE_3D_FIX if fixed else mavlink.GPS_FIX_TYPE_NO_FIX,
-        round(1e7 * (latitude + degrees[0])), round(1e7 * (longitude + degrees[1])),
+        round(1e7 * (latitude + to_north)), round(1e7 * (longitude + to_east)),
         altitude - down, accuracy, UNKNOWN_HEIGHT, 0.0, 0.0, 0.0, 0.0, accuracy,
         math.sqrt(UNKNOWN_HEIGHT), SATELLITES if fixed else 0, yaw,
     )  # fmt: skip

@@ -7,12 +7,10 @@ import math
 import re
 from typing import Any
 
-import numpy as np
-
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.onboard.fix import Fix
-from trexton.onboard.local import LocalFrame, decoupled
+from trexton.onboard.local import LocalFrame, largest_deviation
 from trexton.onboard.sinks.base import NewestSink, Surroundings, extra
 
 __all__ = ["CrazyflieSink"]
@@ -69,8 +67,8 @@ class CrazyflieSink(NewestSink):
         self._vehicle.link, self._deviation = link, math.nan
 
     def made(self, fix: Fix) -> tuple[list[float], float]:
-        deviation = np.sqrt(np.diagonal(decoupled(fix.fusion.covariance)).max())
-        return self._local.enu(fix.fusion.position).tolist(), float(deviation)
+        fusion = fix.fusion
+        return self._local.enu(fusion.position).tolist(), largest_deviation(fusion.covariance)
 
     def deliver(self, item: tuple[list[float], float]) -> None:
         place, deviation = item
