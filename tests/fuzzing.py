@@ -29,6 +29,7 @@ from unittest import mock
 
 import cv2
 import numpy as np
+from small_logs import ardupilot_log, px4_log, subtitles
 
 from trexton.base.errors import TrextonError
 from trexton.base.progress import set_quiet
@@ -266,39 +267,11 @@ def _bags() -> list[bytes]:
 
 def _tracks() -> list[bytes]:
     """Positions as motion capture, ArduPilot and PX4 write them, and subtitles of a video."""
-    import struct
-
     motive = "Format Version,1.23,Length Units,Meters\n\n,,Rigid Body" + ",Rigid Body" * 6 + "\n"
     motive += ",,drone" + ",drone" * 6 + "\n,,1" + ",1" * 6 + "\n,,Rotation" + ",Rotation" * 3
     motive += ",Position" * 3 + "\nFrame,Time (Seconds),X,Y,Z,W,X,Y,Z\n"
     motive += "".join(f"{i},{i / 10},0,0,0,1,{i},1,2\n" for i in range(6))
-    log = b""
-    for number, name, types, columns, length in (
-        (128, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns", 89),
-        (1, b"POS", b"QLLff", b"TimeUS,Lat,Lng,Alt,RelHomeAlt", 27),
-    ):
-        log += b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length, name, types, columns)
-    for i in range(6):
-        log += b"\xa3\x95\x01" + struct.pack("<Qiiff", 10**6 * (1 + i), 47 * 10**7 + i, 8, 400, 10)
-
-    def message(kind: str, body: bytes) -> bytes:
-        return struct.pack("<HB", len(body), ord(kind)) + body
-
-    names = "uint64_t timestamp;double ref_lat;double ref_lon;"
-    names += "float x;float y;float z;float heading;bool xy_valid;"
-    ulog = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
-    ulog += message("F", f"vehicle_local_position:{names}".encode())
-    ulog += message("A", struct.pack("<BH", 0, 1) + b"vehicle_local_position")
-    for i in range(6):
-        ulog += message(
-            "D", struct.pack("<HQddffffB", 1, 10**5 * (1 + i), 47.0, 8.0, i, 2.0, -10.0, 1.0, 1)
-        )
-    blocks = "".join(
-        f"{i + 1}\n00:00:00,{i * 50:03d} --> 00:00:00,{i * 50 + 50:03d}\n[latitude: 47.0000{i}] "
-        f"[longitude: 8.00000] [rel_alt: 10.{i} abs_alt: 400.0]\n\n"
-        for i in range(6)
-    )
-    return [motive.encode(), log, ulog, blocks.encode()]
+    return [motive.encode(), ardupilot_log(6), px4_log(6), subtitles(6).encode()]
 
 
 def _track(folder: Path) -> Callable[[bytes], object]:

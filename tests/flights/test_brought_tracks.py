@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import small_flight
+from small_logs import ardupilot_log, px4_log, subtitles
 from test_import import picture
 
 from trexton.base.errors import FlightError
@@ -123,38 +123,16 @@ def test_subtitles_beside_a_video_and_an_end_that_is_missing(tmp_path):
     path = video(tmp_path / "v.avi")
     data = path.read_bytes()
     path.write_bytes(data[: int(0.6 * len(data))])
-    blocks = [
-        f"{i + 1}\n00:00:00,{i * 50:03d} --> 00:00:00,{i * 50 + 50:03d}\n"
-        f"[latitude: {47 + i * 1e-5:.5f}] [longitude: 8.00000] [rel_alt: 10.{i} abs_alt: 400.0]\n"
-        for i in range(20)
-    ]
-    (tmp_path / "v.SRT").write_text("\n".join(blocks))
+    (tmp_path / "v.SRT").write_text(subtitles())
     flight, said = import_flight(path, tmp_path / "out")
     assert any("of 40 frames could be decoded: the file is cut short" in line for line in said)
     np.testing.assert_allclose(np.diff(flight.position[:10, 1]), 1.112, atol=0.01)
     assert flight.height[0] == 10 and flight.origin is not None
 
 
-def ardupilot_log(path: Path) -> Path:
-    """A DataFlash log: formats that describe themselves, and rows."""
-
-    text = b""
-    fmt = [(128, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns", 89),
-           (1, b"POS", b"QLLff", b"TimeUS,Lat,Lng,Alt,RelHomeAlt", 3 + 24),
-           (2, b"ATT", b"QccC", b"TimeUS,Roll,Pitch,Yaw", 3 + 14)]  # fmt: skip
-    for number, name, types, columns, length in fmt:
-        text += b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length, name, types, columns)
-    for i in range(20):
-        text += b"\xa3\x95\x01" + struct.pack(
-            "<Qiiff", 10**6 + i * 10**5, 470000000 + 100 * i, 80000000, 400, 10
-        )
-        text += b"\xa3\x95\x02" + struct.pack("<QhhH", 10**6 + i * 10**5, 100, 0, 9000)
-    path.write_bytes(text)
-    return path
-
-
 def test_a_log_of_ardupilot(tmp_path):
-    track, _ = read_track(ardupilot_log(tmp_path / "1.bin"), TrackColumns())
+    (tmp_path / "1.bin").write_bytes(ardupilot_log())
+    track, _ = read_track(tmp_path / "1.bin", TrackColumns())
     np.testing.assert_allclose(np.diff(track.time_ns), N // 10, atol=1000)
     np.testing.assert_allclose(np.diff(track.position[:, 1]), 1.112, atol=0.01)
     np.testing.assert_allclose(np.degrees(track.attitude[5]), [1, 0, -90], atol=1e-4)
@@ -168,28 +146,15 @@ def test_a_bug_of_ours_is_no_damaged_log(tmp_path, monkeypatch):
     def odd(*_):
         raise ZeroDivisionError("a bug")
 
+    (tmp_path / "1.bin").write_bytes(ardupilot_log())
     monkeypatch.setattr(autopilot, "_earthly", odd)
     with pytest.raises(ZeroDivisionError):
-        read_track(ardupilot_log(tmp_path / "1.bin"), TrackColumns())
+        read_track(tmp_path / "1.bin", TrackColumns())
 
 
 def test_a_log_of_px4(tmp_path):
-    """A file as the format is documented: head, format, subscription, rows."""
     pytest.importorskip("pyulog")
-    names = ("x", "y", "z", "heading")
-    columns = "uint64_t timestamp;double ref_lat;double ref_lon;"
-    columns += "".join(f"float {name};" for name in names) + "bool xy_valid;"
-
-    def message(kind, body):
-        return struct.pack("<HB", len(body), ord(kind)) + body
-
-    text = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
-    text += message("F", f"vehicle_local_position:{columns}".encode())
-    text += message("A", struct.pack("<BH", 0, 1) + b"vehicle_local_position")
-    for i in range(20):
-        row = struct.pack("<QddffffB", 10**5 * i, 47.0, 8.0, i, 2.0, -10.0, np.pi / 2, i > 0)
-        text += message("D", struct.pack("<H", 1) + row)
-    (tmp_path / "a.ulg").write_bytes(text)
+    (tmp_path / "a.ulg").write_bytes(px4_log())
     track, _ = read_track(tmp_path / "a.ulg", TrackColumns())
     np.testing.assert_allclose(track.position, [[2, i, 10] for i in range(1, 20)])
     np.testing.assert_allclose(track.attitude[:, 2], -np.pi / 2, atol=1e-6)
