@@ -97,9 +97,9 @@ full: env  ## the long sweeps of data/sweeps, coarse to fine, landings, aiding a
 	cp results/full/sim-survey/density.json data/reference/density.json
 	$(MAKE) rooms
 
-rooms: env  ## every method in rooms that change, over four floors, result to data/reference
+rooms: env  ## every method in rooms that change, ten floors for a minute each, result to data/reference
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only rooms \
-	  --out results/full --set floors=4 survey=500 frames=250
+	  --out results/full --set floors=10 survey=800 frames=750
 	cp results/full/sim-survey/rooms.json data/reference/rooms.json
 
 lab: env  ## open the notebooks in JupyterLab

@@ -32,7 +32,7 @@ def test_a_record_carries_commit_and_code():
     if (ROOT / ".git").exists():
         said = subprocess.run(["git", "-C", ROOT, "rev-parse", "HEAD"], capture_output=True)
         assert made["commit"] == said.stdout.decode().strip()
-    assert made_by("trexton.companion.experiments.light")["code"] != made["code"]
+    assert made_by("trexton.companion.experiments.rooms")["code"] != made["code"]
     assert "trexton.companion.experiments.style" in code_hashes(MODULE)
 
 

@@ -74,7 +74,6 @@ def context(results: Path, values: Mapping[str, Mapping[str, Any]], see: See) ->
     return {
         "sim": values.get("sim-survey", {}),
         "cyberzoo": values.get("cyberzoo", {}),
-        "records": values,
         "see": see,
         "headlines": headlines(values),
         "door": door_table(results),

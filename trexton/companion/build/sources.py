@@ -205,20 +205,8 @@ def _names(contents: Contents) -> dict[str, Any]:
         "flights": flights,
         "flight": {flight["name"]: flight for flight in flights},
         "absent": dict(contents.absent),
-        "picture": _pictures(contents).get,
         "first_figure": first_figure,
     }
-
-
-def _pictures(contents: Contents) -> dict[str, str]:
-    """The first figure of each experiment on the first flight that has one, by its path."""
-    first: dict[str, str] = {}
-    for pair in contents.pairs:
-        for name in contents.good(pair.name):
-            for path in outputs_of(contents.results / pair.name, name):
-                if path.suffix == ".svg":
-                    first.setdefault(name, f"{pair.name}/{path.name}")
-    return first
 
 
 def _title(name: str) -> str:
