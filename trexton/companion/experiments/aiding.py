@@ -87,18 +87,8 @@ class _Over(NamedTuple):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Localize one flight a floor again and again, each time with more of what was measured.
-
-    Parameters
-    ----------
-    train, test : Flight
-        `train` lends its floor, camera and height, unless there are floors to paint. Of `test`
-        nothing is used.
-
-    Raises
-    ------
-    ParameterError
-        The flight has no floor or camera to lend.
+    """Localize one flight over each floor of `FloorParameters.over_each` again and again, each time
+    with more of what was measured. Of `test` nothing is used.
     """
     over: list[_Over] = parameters.over_each(train, partial(_over, parameters), FIRST_FLOOR)
     rng = stream(parameters.seed, "intervals")

@@ -66,18 +66,8 @@ class _Over(NamedTuple):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Fly the same later flight with maps of surveys that took more and more time.
-
-    Parameters
-    ----------
-    train, test : Flight
-        `train` lends its floor, camera and height, unless there are floors to paint. Of `test`
-        nothing is used.
-
-    Raises
-    ------
-    ParameterError
-        The flight has no floor or camera to lend.
+    """Fly the same later flight with maps of surveys that took more and more time, over each floor
+    of `FloorParameters.over_each`. Of `test` nothing is used.
     """
     floors = parameters.over_each(train, partial(_over, parameters), FIRST_FLOOR)
     rng = stream(parameters.seed, "intervals")
