@@ -7,14 +7,22 @@ import struct
 import numpy as np
 
 
+def dataflash(*formats: tuple) -> bytes:
+    """The head of a DataFlash log: formats that describe themselves."""
+    return b"".join(
+        b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length, name, types, columns)
+        for number, name, types, columns, length in (
+            (128, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns", 89), *formats
+        )
+    )  # fmt: skip
+
+
 def ardupilot_log(rows: int = 20) -> bytes:
-    """A DataFlash log: formats that describe themselves, and rows."""
-    text = b""
-    fmt = [(128, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns", 89),
-           (1, b"POS", b"QLLff", b"TimeUS,Lat,Lng,Alt,RelHomeAlt", 3 + 24),
-           (2, b"ATT", b"QccC", b"TimeUS,Roll,Pitch,Yaw", 3 + 14)]  # fmt: skip
-    for number, name, types, columns, length in fmt:
-        text += b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length, name, types, columns)
+    """A DataFlash log of positions and attitudes."""
+    text = dataflash(
+        (1, b"POS", b"QLLff", b"TimeUS,Lat,Lng,Alt,RelHomeAlt", 3 + 24),
+        (2, b"ATT", b"QccC", b"TimeUS,Roll,Pitch,Yaw", 3 + 14),
+    )
     for i in range(rows):
         text += b"\xa3\x95\x01" + struct.pack(
             "<Qiiff", 10**6 + i * 10**5, 470000000 + 100 * i, 80000000, 400, 10

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import small_flight
-from small_logs import ardupilot_log, px4_log, subtitles
+from small_logs import ardupilot_log, dataflash, px4_log, subtitles
 from test_import import picture
 
 from trexton.base.errors import FlightError
@@ -137,9 +137,11 @@ def test_a_log_of_ardupilot(tmp_path):
     np.testing.assert_allclose(np.diff(track.position[:, 1]), 1.112, atol=0.01)
     np.testing.assert_allclose(np.degrees(track.attitude[5]), [1, 0, -90], atol=1e-4)
     np.testing.assert_allclose(track.position[:, 2], 10)
-    (tmp_path / "2.bin").write_bytes(b"no log")
-    with pytest.raises(FlightError, match=r"2\.bin"):
-        read_track(tmp_path / "2.bin", TrackColumns())
+    endless = dataflash((1, b"POS", b"", b"", 0)) + b"\xa3\x95\x01" * 20
+    for text in (b"no log", endless):
+        (tmp_path / "2.bin").write_bytes(text)
+        with pytest.raises(FlightError, match=r"2\.bin"):
+            read_track(tmp_path / "2.bin", TrackColumns())
 
 
 def test_a_bug_of_ours_is_no_damaged_log(tmp_path, monkeypatch):

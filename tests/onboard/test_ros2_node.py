@@ -128,6 +128,14 @@ class LifecycleNode:
         self.states.append("destroyed")
 
 
+def put_in(monkeypatch, modules: dict[str, dict]) -> None:
+    """Modules of these names and contents, to be imported."""
+    for name, contents in modules.items():
+        module = ModuleType(name)
+        vars(module).update(contents)
+        monkeypatch.setitem(sys.modules, name, module)
+
+
 @pytest.fixture
 def ros(monkeypatch):
     """Stand-ins for the packages of ROS that the node imports; gives the node's class."""
@@ -143,10 +151,7 @@ def ros(monkeypatch):
             ("DiagnosticArray", "DiagnosticStatus", "KeyValue"), Message
         ),
     }  # fmt: skip
-    for name, contents in kinds.items():
-        module = ModuleType(name)
-        vars(module).update(contents)
-        monkeypatch.setitem(sys.modules, name, module)
+    put_in(monkeypatch, kinds)
     monkeypatch.setattr(LifecycleNode, "given", {})
     monkeypatch.setattr(LifecycleNode, "made", [])
     return LifecycleNode
@@ -210,10 +215,7 @@ def test_the_launch_file_gives_each_argument_to_node_or_program(monkeypatch):
                            "ExecuteProcess": process},
         "launch.substitutions": {"LaunchConfiguration": lambda name: f"<{name}>"},
     }  # fmt: skip
-    for name, contents in stand_ins.items():
-        module = ModuleType(name)
-        vars(module).update(contents)
-        monkeypatch.setitem(sys.modules, name, module)
+    put_in(monkeypatch, stand_ins)
     launch = runpy.run_path(str(ROOT / "examples" / "ros2_launch.py"))
     assert launch["generate_launch_description"]()[:4] == list(launch["ARGUMENTS"])
     assert made["words"][1] == EXAMPLE

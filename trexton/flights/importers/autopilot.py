@@ -102,7 +102,14 @@ def _messages(path: Path) -> Iterator[tuple[str, list[float]]]:
     with _library(path):
         from pymavlink.DFReader import DFReader_binary
 
-        log = DFReader_binary(str(path))
+        class Log(DFReader_binary):  # type: ignore[misc]
+            def recv_msg(self) -> Any:
+                before, message = self.offset, super().recv_msg()
+                if message is not None and self.offset <= before:  # it would come for ever
+                    raise ValueError(f"the message at byte {before} has no length")
+                return message
+
+        log = Log(str(path))
         while (message := log.recv_match(type=list(_MESSAGES))) is not None:
             kind = message.get_type()
             if getattr(message, "C", 0) == 0 and getattr(message, "I", 0) == 0:
