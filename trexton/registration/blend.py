@@ -3,18 +3,16 @@ sharp frames."""
 
 from __future__ import annotations
 
-from itertools import islice
-
 import cv2
 import numpy as np
 
 from trexton.base.errors import MapError
 from trexton.base.progress import progress
 from trexton.flights.flight import Flight
-from trexton.registration.links import threads
 from trexton.registration.poses import world_from_pixel
 from trexton.vision.camera import Camera, MapImage, transform_points
 from trexton.vision.images import bgr_from_yuv
+from trexton.vision.threads import ahead
 
 __all__ = ["blend"]
 
@@ -57,18 +55,12 @@ def blend(
 
     total = np.zeros((lines, columns, 3), np.float32)
     weights = np.zeros((lines, columns), np.float32)
-    with threads() as pool:
-        # Placed in parallel, added in order, a few at a time so that the waiting ones do not fill
-        # the memory.
-        jobs = iter(zip(rows, matrices, outlines, strict=False))
-        bar = progress(range(len(rows)), "blending", len(rows))
-        while batch := list(islice(jobs, 16)):
-            for corner, size, image, weight in pool.map(place, batch):
-                next(bar)
-                down, across = (slice(corner[i], corner[i] + size[i]) for i in (1, 0))
-                window = down, across
-                total[window] += image * weight[..., None]
-                weights[window] += weight
+    placed = ahead(place, zip(rows, matrices, outlines, strict=True))
+    for corner, size, image, weight in progress(placed, "blending", len(rows)):
+        down, across = (slice(corner[i], corner[i] + size[i]) for i in (1, 0))
+        window = down, across
+        total[window] += image * weight[..., None]
+        weights[window] += weight
     mask = weights > 0
     total[mask] /= weights[mask, None]
     picture = bgr_from_yuv(np.clip(np.rint(total), 0, 255).astype(np.uint8))

@@ -22,7 +22,6 @@ from trexton.vision.threads import usable_cores
 
 __all__ = [
     "Anchors", "Links", "flight_keypoints", "match_frames", "spatial_links", "successive_links",
-    "threads",
 ]  # fmt: skip
 
 Matched = tuple[np.ndarray, np.ndarray]  # a homography and the points that agree with it
@@ -83,7 +82,7 @@ class Anchors:
     position: np.ndarray
 
 
-def threads() -> ThreadPoolExecutor:
+def _threads() -> ThreadPoolExecutor:
     """A pool as large as the machine, within reason: OpenCV and NumPy release Python's lock."""
     return ThreadPoolExecutor(min(4, usable_cores()))
 
@@ -94,7 +93,7 @@ def flight_keypoints(flight: Flight, *, scale: float, limit: int) -> list[Keypoi
     def detect(row: int) -> Keypoints:
         return detect_keypoints(flight.image(row)[..., 0], scale=scale, limit=limit)
 
-    with threads() as pool:
+    with _threads() as pool:
         return list(progress(pool.map(detect, range(len(flight))), "keypoints", len(flight)))
 
 
@@ -207,7 +206,7 @@ def _all_links(
 
     # The pool keeps every core busy; more threads inside the products would only wait for one
     # another.
-    with threadpool_limits(1, "blas"), threads() as pool:
+    with threadpool_limits(1, "blas"), _threads() as pool:
         matched = progress(pool.map(match, pairs), label, len(pairs))
         return [(pair, *links) for pair, links in zip(pairs, matched, strict=False) if links]
 
