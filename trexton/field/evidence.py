@@ -74,17 +74,11 @@ class FrameEvidence:
         dictionary, parts = self._map.alphabet, self._map.cells
         count = self._patches
         positions = sample_positions(frame.shape, dictionary.patch, count, self._rng)
+        patches = (
+            corrected_patches(frame, positions, dictionary.patch, state, levels) for state in states
+        )
         histograms = np.stack(
-            [
-                patch_histogram(
-                    corrected_patches(frame, positions, dictionary.patch, state, levels),
-                    positions,
-                    frame.shape,
-                    dictionary,
-                    parts,
-                )
-                for state in states
-            ]
+            [patch_histogram(each, positions, frame.shape, dictionary, parts) for each in patches]
         )
         tables, deviations = self._field.tables(count), self._field.deviations(histograms)
         return tables.log_likelihoods(deviations), tables, deviations

@@ -217,11 +217,9 @@ class Field(MeasurementModel):
         """Squared residual of the frame at its best cell, over that of familiar frames: below 1 for
         nineteen of twenty frames of the survey that were left out.
         """
-        deviations, cell = (
-            self.deviations(observation.histogram),
-            np.array([log_posterior.argmax()]),
-        )
-        squared = self.tables(observation.samples).squared_residual(deviations[None], cell)
+        deviations, cell = self.deviations(observation.histogram), log_posterior.argmax()
+        tables = self.tables(observation.samples)
+        squared = tables.squared_residual(deviations[None], np.array([cell]))
         return float(squared[0] / max(float(self.residual_scale), MIN_VARIANCE))
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
