@@ -3,6 +3,8 @@ sharp frames."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -43,7 +45,7 @@ def blend(
     feather = _feather(camera)
 
     def place(
-        job: tuple[int, np.ndarray, np.ndarray],
+        job: tuple[Any, np.ndarray, np.ndarray],
     ) -> tuple[tuple[int, int], tuple[int, int], np.ndarray, np.ndarray]:
         row, matrix, outline = job
         corner, size = _window(transform_points(map_from_world, outline), (columns, lines))
