@@ -30,6 +30,7 @@ from unittest import mock
 import cv2
 import numpy as np
 from small_logs import ardupilot_log, px4_log, subtitles
+from small_recording import film
 
 from trexton.base.errors import TrextonError
 from trexton.base.progress import set_quiet
@@ -201,12 +202,8 @@ def _euroc(folder: Path) -> bytes:
 
 
 def _video(folder: Path) -> bytes:
-    path = str(folder / "sound.avi")
-    writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"MJPG"), 2.0, (32, 24))
-    for shade in (40, 120, 200):
-        writer.write(np.full((24, 32, 3), shade, np.uint8))
-    writer.release()
-    return Path(path).read_bytes()
+    shades = (np.full((24, 32, 3), shade, np.uint8) for shade in (40, 120, 200))
+    return film(folder / "sound.avi", shades, 2.0).read_bytes()
 
 
 def _bag_file(folder: Path) -> Callable[[bytes], object]:

@@ -1,4 +1,7 @@
-"""A recording as others leave it: a TUM folder."""
+"""Recordings as others leave them: a TUM folder, a film of JPEGs."""
+
+from collections.abc import Iterable
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -16,3 +19,13 @@ def recording(folder, frames=24):
         track.append(f"{0.4 * i:.3f} {left / 100} {top / 100} 1 0 0 0 1")
     (folder / "rgb.txt").write_text("\n".join(images))
     (folder / "groundtruth.txt").write_text("\n".join(track))
+
+
+def film(path: Path, frames: Iterable[np.ndarray], rate: float = 20.0) -> Path:
+    """A video file of JPEGs; `frames` are BGR, of one size."""
+    first, *others = frames
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), rate, first.shape[1::-1])
+    for frame in (first, *others):
+        writer.write(frame)
+    writer.release()
+    return path

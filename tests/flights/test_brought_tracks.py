@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from conftest import small_flight
 from small_logs import ardupilot_log, dataflash, px4_log, subtitles
+from small_recording import film
 from test_import import picture
 
 from trexton.base.errors import FlightError
@@ -111,16 +110,8 @@ def test_columns_of_motion_capture_may_be_named(tmp_path):
     assert read_track(tmp_path / "a.csv", columns)[0].position[3, :2].tolist() == [3, 5]
 
 
-def video(path: Path, frames=40) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 20, (64, 48))
-    for i in range(frames):
-        writer.write(picture(i))
-    writer.release()
-    return path
-
-
 def test_subtitles_beside_a_video_and_an_end_that_is_missing(tmp_path):
-    path = video(tmp_path / "v.avi")
+    path = film(tmp_path / "v.avi", map(picture, range(40)))
     data = path.read_bytes()
     path.write_bytes(data[: int(0.6 * len(data))])
     (tmp_path / "v.SRT").write_text(subtitles())

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import small_flight
+from small_recording import film
 
 from trexton.base.errors import FlightError
 from trexton.flights import read_flight, write_flight
@@ -20,11 +21,7 @@ def grey(level: int) -> np.ndarray:
 
 @pytest.fixture
 def video(tmp_path) -> VideoFrames:
-    writer = cv2.VideoWriter(str(tmp_path / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25, (64, 48))
-    for row in range(8):
-        writer.write(grey(20 * row))
-    writer.release()
-    return VideoFrames(tmp_path / "v.avi", 8)
+    return VideoFrames(film(tmp_path / "v.avi", (grey(20 * row) for row in range(8)), 25), 8)
 
 
 @pytest.fixture

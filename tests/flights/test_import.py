@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from small_recording import film
 
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.flights import importing, read_flight
@@ -260,13 +261,8 @@ def write_video(folder, seconds=8.0, rate=25.0, ahead=3.0):
     )
     floor = cv2.normalize(floor, None, 0, 255, cv2.NORM_MINMAX)
     place = lambda t: 300 + 60 * np.sin(0.8 * t) + 25 * np.sin(2.1 * t)  # noqa: E731
-    writer = cv2.VideoWriter(
-        str(folder / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), rate, (320, 240)
-    )
-    for i in range(int(seconds * rate)):
-        left = round(float(place(ahead + i / rate)))
-        writer.write(floor[100:340, left : left + 320])
-    writer.release()
+    lefts = (round(float(place(ahead + i / rate))) for i in range(int(seconds * rate)))
+    film(folder / "v.avi", (floor[100:340, left : left + 320] for left in lefts), rate)
     times = np.arange(0, seconds + 2 * ahead, 0.02)
     rows = [f"{t:.3f},{place(t) / 100:.6f},1.0" for t in times]
     (folder / "positions.csv").write_text("\n".join(["t,x,y", *rows]))

@@ -9,6 +9,7 @@ from contextlib import closing
 import cv2
 import numpy as np
 import pytest
+from small_recording import film
 from test_import import euroc, picture, write_bag
 
 from trexton.base.errors import TrextonError
@@ -238,11 +239,7 @@ def test_a_bag_whose_messages_are_computed_is_refused(tmp_path, computed):
 
 
 def test_a_video_that_declares_too_much_is_refused_before_a_frame_is_made(tmp_path, monkeypatch):
-    path = tmp_path / "v.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 20, (64, 48))
-    for i in range(4):
-        writer.write(picture(i))
-    writer.release()
+    path = film(tmp_path / "v.avi", map(picture, range(4)))
     (tmp_path / "p.csv").write_text("t,x,y\n0,1,2\n1,1,2\n")
     monkeypatch.setattr("trexton.vision.images.MOST_PIXELS", 1000)
     with pytest.raises(TrextonError, match="v.avi: declares 64x48 pixels"):

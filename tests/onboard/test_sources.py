@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from conftest import small_flight
 from onboard_tools import Clock
+from small_recording import film
 
 from trexton.base.errors import FlightError, ImageError, TrextonError
 from trexton.base.plugins import resolve
@@ -129,19 +130,10 @@ class TestImages:
             open_source(str(tmp_path))
 
 
-def write_video(path, frames) -> None:
-    writer = cv2.VideoWriter(
-        str(path), cv2.VideoWriter_fourcc(*"MJPG"), 12.5, frames[0].shape[1::-1]
-    )
-    for frame in frames:
-        writer.write(frame)
-    writer.release()
-
-
 class TestVideo:
     def test_every_frame_of_a_file_with_laps(self, tmp_path):
         frames = [np.full((48, 64, 3), shade, np.uint8) for shade in (40, 80, 120, 160)]
-        write_video(tmp_path / "floor.avi", frames)
+        film(tmp_path / "floor.avi", frames, 12.5)
         seen = everything(
             open_source(str(tmp_path / "floor.avi"), options={Playback: Playback(laps=2)})
         )
