@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -136,11 +137,25 @@ def _ardupilot(path: Path) -> PoseTrack | None:
     return PoseTrack(_nanoseconds(table[:, 0]), table[:, 1:] * (1, 1, -1), attitude)
 
 
+class _Finite(io.BufferedReader):
+    """A file that a reader who goes back in it may not read for ever."""
+
+    def __init__(self, path: Path):
+        super().__init__(io.FileIO(path))
+        self._left = 1000 + 16 * path.stat().st_size  # reads: a message takes two
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        self._left -= 1
+        if self._left < 0:
+            raise OSError("it leads back into itself")
+        return super().read(size)
+
+
 def _px4(path: Path) -> PoseTrack | None:
     with _library(path):
         from pyulog import ULog
 
-        log = ULog(str(path), ["vehicle_local_position"])
+        log = ULog(_Finite(path), ["vehicle_local_position"])
         data: dict[str, Any] = next((each.data for each in log.data_list), {})
         if not data:
             return None
