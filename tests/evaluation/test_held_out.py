@@ -7,9 +7,8 @@ from small_room import histogram_flight
 
 from trexton.base.errors import MapError
 from trexton.cli.main import main
-from trexton.evaluation.held_out import STRETCH_S, assess, replay, stretches
+from trexton.evaluation.held_out import STRETCH_S, WARM_S, assess, replay, stretches
 from trexton.flights import write_flight
-from trexton.localization.cross_validation import WARM_S
 from trexton.localization.map_files import load_map
 from trexton.localization.training import train_map
 
@@ -41,7 +40,7 @@ def test_replay_flies_what_its_map_did_not_see(plain):
 
 def test_an_assessment_is_of_all_frames_and_of_what_is_claimed(plain):
     found = assess(plain, rng=np.random.default_rng(2))
-    flown = list(replay(plain, samples=400, rng=np.random.default_rng(2), apart=("odometry",)))
+    flown = list(replay(plain, samples=400, rng=np.random.default_rng(2)))
     assert found.frames == len(flown)
     assert found.error_m == pytest.approx(np.mean([np.hypot(*each.error) for each in flown]))
     assert 0 <= found.lost_share <= 1 and 0 <= found.coverage_90 <= 1

@@ -3,10 +3,9 @@
 import numpy as np
 from small_room import histogram_flight
 
-from trexton.localization.hidden_markov import _lacking
+from trexton.localization.hidden_markov import CHI2_90, _lacking
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
-from trexton.localization.scale import CHI2_90
 from trexton.localization.training import train_map
 
 

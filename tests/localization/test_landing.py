@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -163,12 +163,6 @@ def test_a_lost_or_unseen_frame_lands_nowhere():
     assert zone.accepts(moving((0, 0)))
     assert not zone.accepts(moving((0, 0), lost=True))
     assert not zone.accepts(moving((0, 0), observed=False))
-
-
-def test_a_calibrated_covariance_carries_its_factor_ahead():
-    estimate = moving((0, 0), (1, 0))
-    calibrated = replace(estimate, covariance=4 * estimate.covariance)
-    np.testing.assert_allclose(calibrated.ahead(0.5)[1], 4 * estimate.ahead(0.5)[1])
 
 
 def test_an_estimate_without_velocity_stays_where_it_is():

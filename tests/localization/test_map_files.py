@@ -134,11 +134,13 @@ def test_neighbours_are_no_more_than_frames(texton_map, tmp_path):
         load_map(path)
 
 
-def test_a_map_whose_calibration_trusts_its_filter_loads(tmp_path):
-    flight, choices = histogram_flight("hall", frames=80), {"calibration.trusting": True}
-    rng = np.random.default_rng(0)
-    stored = train_map(flight, method="guarded", rng=rng, **choices)
-    assert load_map(save_map(stored, tmp_path / "map.npz")).parts["calibration"].trusting
+def test_a_map_of_a_method_that_is_gone_says_what_to_do():
+    arrays = to_arrays(train_map(histogram_flight("hall", frames=80), rng=np.random.default_rng(0)))
+    header = json.loads(arrays["header"].tobytes())
+    header["parts"]["calibration"] = {"name": "replay", "options": {}}
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    with pytest.raises(MapError, match="gone: train it again with trexton train --method field"):
+        from_arrays(arrays)
 
 
 def test_a_field_takes_as_many_features_as_its_map_has():

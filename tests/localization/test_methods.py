@@ -183,8 +183,6 @@ def test_what_is_not_so_is_one_clear_error(choices):
         ("field", {"measurement": "rank-mixture"}, "needs a Field: choose one of field"),
         ("fine", {"recovery": "augmented"}, "recovery would change nothing"),
         ("paper", {"odometry": "visual"}, "odometry would change nothing"),
-        ("paper", {"integrity": "elsewhere"}, "integrity 'elsewhere' needs a calibration"),
-        ("guarded", {"calibration": "none"}, "does not fit integrity 'elsewhere'"),
         ("paper", {"filter": "tracks"}, "does not fit filter 'tracks'"),
     ],
 )

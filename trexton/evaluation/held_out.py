@@ -19,20 +19,35 @@ from trexton.base.errors import MapError
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area
-from trexton.localization.cross_validation import WARM_S
-from trexton.localization.estimate import Estimate, Flown
+from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer
+from trexton.localization.neighbors import Neighbors
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import with_parts
 from trexton.localization.training_set import EXCLUDED_SECONDS
 
 __all__ = ["LEAST_COVERAGE", "Assessment", "assess", "replay", "stretches"]
 
+WARM_S = 2.0  # in which a filter settles: flown, but not judged
 STRETCH_S = 5.0
 MOST_STRETCHES = 8
 CHI2_90 = -2 * np.log(0.1)  # of two degrees of freedom
 LEAST_COVERAGE = 0.8  # of the 90 % region, for a covariance that others may believe
-APART = ("calibration", "integrity", "odometry")  # they change no error, or ask for images
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """One frame of a training flight that was flown again, its true place in metres."""
+
+    row: int
+    truth: np.ndarray
+    estimate: Estimate
+    neighbors: Neighbors
+
+    @property
+    def error(self) -> np.ndarray:
+        """``(2,)`` metres."""
+        return self.estimate.position - self.truth
 
 
 @dataclass(frozen=True)
@@ -67,7 +82,7 @@ class Assessment:
 def assess(
     texton_map: TextonMap, flight: Flight | None = None, *, rng: np.random.Generator
 ) -> Assessment:
-    """Fly the left-out stretches with everything that judges the method too.
+    """Fly the left-out stretches, and say what that amounts to.
 
     Parameters
     ----------
@@ -81,7 +96,7 @@ def assess(
     MapError
         The flight is too short.
     """
-    flown = list(replay(texton_map, samples=SAMPLES, rng=rng, apart=APART[-1:], flight=flight))
+    flown = list(replay(texton_map, samples=SAMPLES, rng=rng, flight=flight))
     trusted = [each for each in flown if not each.estimate.lost_in(texton_map.area)]
     inside = [
         each.error @ np.linalg.solve(each.estimate.about_position, each.error) <= CHI2_90
@@ -129,7 +144,6 @@ def replay(
     samples: int | None,
     rng: np.random.Generator,
     aidings: Sequence[Aiding | None] | None = None,
-    apart: Sequence[str] = APART,
     flight: Flight | None = None,
 ) -> Iterator[Flown]:
     """Fly the left-out stretches of a map's own training flight, without the frames in which the
@@ -144,8 +158,6 @@ def replay(
     rng : numpy.random.Generator
     aidings : sequence of Aiding, optional
         What came beside each frame of the training flight; of it velocities alone are used.
-    apart : sequence of str
-        Roles whose parts do not fly.
     flight : Flight, optional
         The frames behind the map: then its images are flown, with roll, pitch and height.
 
@@ -154,7 +166,8 @@ def replay(
     MapError
         The flight is too short.
     """
-    parts = {role: part for role, part in texton_map.parts.items() if role not in apart}
+    # Odometry asks for images at the rate of the flight, not for stretches of histograms.
+    parts = {role: part for role, part in texton_map.parts.items() if role != "odometry"}
     drawn = samples if texton_map.dictionary is not None else None
     every = stretches(texton_map.time)
     half = len(every) // 2

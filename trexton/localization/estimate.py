@@ -9,7 +9,7 @@ import numpy as np
 
 from trexton.localization.neighbors import Neighbors
 
-__all__ = ["LOST_SHARE", "Estimate", "Flown", "Measurement", "ignorance"]
+__all__ = ["LOST_SHARE", "Estimate", "Measurement", "ignorance"]
 
 # A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by
 # the kidnapping experiment, which shows what other shares would miss and what they would refuse.
@@ -107,16 +107,12 @@ class Estimate:
     def ahead(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
         """``(2,)`` position and ``(2, 2)`` covariance in metres if the velocity lasts so long.
 
-        The position and covariance as they are where no velocity is known. Where the covariance was
-        calibrated since, the velocity's is taken to be off by as much.
+        The position and covariance as they are where no velocity is known.
         """
         if self.velocity is None or self.joint is None:
             return self.position, self.covariance
         carry = np.hstack([np.eye(2), seconds * np.eye(2)])
-        claimed = np.trace(self.joint[:2, :2])
-        scale = np.trace(self.covariance) / claimed if claimed > 0 else 1.0
-        covariance: np.ndarray = scale * (carry @ self.joint @ carry.T)
-        return self.position + seconds * self.velocity, covariance
+        return self.position + seconds * self.velocity, carry @ self.joint @ carry.T
 
     def for_fusion(self, period_s: float) -> Measurement:
         """The measurement for an autopilot that is sent one every `period_s` and takes each for
@@ -147,31 +143,6 @@ class Estimate:
             return self.covariance
         offset = self.mean - self.position
         return self.covariance + np.outer(offset, offset)
-
-
-@dataclass(frozen=True, eq=False)
-class Flown:
-    """One frame of a training flight that was flown again.
-
-    Attributes
-    ----------
-    row : int
-        Of the training set.
-    truth : (2,) array
-        Metres.
-    estimate : Estimate
-    neighbors : Neighbors
-    """
-
-    row: int
-    truth: np.ndarray
-    estimate: Estimate
-    neighbors: Neighbors
-
-    @property
-    def error(self) -> np.ndarray:
-        """``(2,)`` metres."""
-        return self.estimate.position - self.truth
 
 
 def ignorance(area: tuple[float, float, float, float]) -> np.ndarray:

@@ -20,7 +20,6 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.filters import Filter
 from trexton.localization.motion import MotionModel
 from trexton.localization.observation import Observation
-from trexton.localization.scale import CHI2_90, CONFIDENCE
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training_set import EXCLUDED_SECONDS, Training
 
@@ -32,6 +31,8 @@ SCALES = (0.2, 0.35, 0.6, 1.0, 1.6)  # of the emission, over the median distance
 REACHES = (1.0, 2.0, 4.0)  # of the transition, over the root mean square step of a frame
 TELEPORT = 1e-3  # probability a frame of a jump to any state
 MIN_SIGMA = 0.01  # metres, of what is claimed
+CONFIDENCE = 0.9  # of the regions that are claimed
+CHI2_90 = -2 * np.log(1 - CONFIDENCE)  # of two degrees of freedom
 TINY = 1e-30  # least weight of a state: smaller numbers would take longer
 
 

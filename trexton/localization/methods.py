@@ -16,7 +16,7 @@ from trexton.localization.roles import ROLES, check_known, check_role, make, nam
 __all__ = ["METHODS", "changed", "compose", "fitting", "parse_choices"]
 
 # What the localizer and training read of every method; a filter says itself what else it needs.
-ROOTS = ("filter", "view", "appearance", "calibration", "integrity")
+ROOTS = ("filter", "view", "appearance")
 # A method names a filter, and a part for each other role that is needed; "role.option" gives an
 # option another value.
 METHODS: dict[str, dict[str, Any]] = {
@@ -28,18 +28,6 @@ METHODS: dict[str, dict[str, Any]] = {
         "resampling": "wheel",
         "estimation": "map",
         "recovery": "none",
-    },
-    # The paper's filter as one may fly it: it finds its way back, and says how far it may be off.
-    "guarded": {
-        "distance": "euclidean",
-        "motion": "random-walk",
-        "measurement": "rank-mixture",
-        "filter": "particles",
-        "resampling": "wheel",
-        "estimation": "map",
-        "recovery": "augmented",
-        "calibration": "replay",
-        "integrity": "elsewhere",
     },
     "field": {
         "motion": "singer",

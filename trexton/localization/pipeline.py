@@ -20,7 +20,7 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.filters import RunningFilter
 from trexton.localization.neighbors import NearestHistograms, Neighbors
 from trexton.localization.observation import Observation
-from trexton.localization.texton_map import JUDGES, TextonMap
+from trexton.localization.texton_map import TextonMap
 from trexton.vision.histograms import sampled_histogram, texton_histogram
 from trexton.vision.images import check_image
 from trexton.vision.patches import MOST_SAMPLES
@@ -76,7 +76,6 @@ class Pipeline:
         self.map, self.parts, self.samples, self.rng = texton_map, parts, samples, rng
         self._nearest, self._mark = nearest, mark or (lambda stage: None)
         self.filter: RunningFilter = parts["filter"].open(parts, texton_map, rng)
-        self._judges = [parts[role].open() for role in JUDGES if role in parts]
         appearance = parts.get("appearance")
         self._appearance = None if appearance is None else appearance.open(texton_map, rng)
         odometry = parts.get("odometry")
@@ -110,8 +109,6 @@ class Pipeline:
         for part in (self._appearance, self._odometry):
             if part is not None:
                 part.reset()
-        for judge in self._judges:
-            judge.reset()
 
     def view(self, frame: np.ndarray, *, aiding: Aiding | None = None) -> np.ndarray:
         """A frame in the view in which the map counts; itself where it counts what is given."""
@@ -180,11 +177,6 @@ class Pipeline:
         if self._appearance is not None:
             estimate = replace(estimate, lost=estimate.lost or not self._appearance.settled)
             self._appearance.locate(estimate)
-        if self._judges:
-            if observation is not None:
-                estimate = replace(estimate, observed=True)
-            for judge in self._judges:
-                estimate = judge.judge(estimate, observation)
         self._mark("estimate")
         if observation is None:
             return replace(estimate, observed=False, measurement=None)

@@ -53,14 +53,6 @@ ROLES: dict[str, dict[str, str]] = {
         "none": "trexton.localization.recovery:NoRecovery",
         "augmented": "trexton.localization.recovery:Augmented",
     },
-    "calibration": {
-        "none": "trexton.localization.calibration:NoCalibration",
-        "replay": "trexton.localization.calibration:Replay",
-    },
-    "integrity": {
-        "none": "trexton.field.integrity:NoIntegrity",
-        "elsewhere": "trexton.field.integrity:Elsewhere",
-    },
 }
 
 

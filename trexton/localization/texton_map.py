@@ -18,9 +18,7 @@ from trexton.localization.distances import Distance, Hellinger
 from trexton.vision.rectification import Rectification
 from trexton.vision.textons import TextonDictionary
 
-__all__ = ["JUDGES", "TextonMap"]
-
-JUDGES = ("calibration", "integrity")  # parts that learn last, the first before the second
+__all__ = ["TextonMap"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,14 +1,9 @@
-"""Training: a flight becomes a map, and parts of a map are trained anew on its training set.
-
-Calibration and integrity, which judge a method, learn last: they are handed a function that flies
-the method over the training set by leave-neighbours-out cross-validation.
-"""
+"""Training: a flight becomes a map, and parts of a map are trained anew on its training set."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,9 +16,8 @@ from trexton.base.streams import generator
 from trexton.flights.flight import Flight
 from trexton.localization.base import Part
 from trexton.localization.counting import full_histograms
-from trexton.localization.cross_validation import leave_neighbors_out
 from trexton.localization.methods import changed, compose, fitting
-from trexton.localization.texton_map import JUDGES, TextonMap
+from trexton.localization.texton_map import TextonMap
 from trexton.localization.training_set import Training
 from trexton.vision.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
 
@@ -174,15 +168,8 @@ def with_parts(
         )
     result = replace(texton_map, parts=fitting(texton_map.parts | dict(parts), parts))
     training = training_set(result, flight=flight, rng=rng)
-    fitted = {role: part.fit(training) for role, part in parts.items() if role not in JUDGES}
-    result = replace(result, parts=result.parts | fitted)
-    for role in JUDGES:  # they judge the method as a whole: what changes it concerns them too
-        if role in result.parts and (fitted or role in parts):
-            fly = partial(leave_neighbors_out, result, training)
-            judged = replace(training, parts=result.parts, fly=fly)
-            judge = result.parts[role].untrained().fit(judged)
-            result = replace(result, parts=result.parts | {role: judge})
-    return result
+    fitted = {role: part.fit(training) for role, part in parts.items()}
+    return replace(result, parts=result.parts | fitted)
 
 
 def training_set(

@@ -3,17 +3,14 @@ times."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area
 from trexton.localization.distances import Distance
-from trexton.localization.estimate import Flown
 from trexton.localization.neighbors import NearestHistograms, Neighbors, neighbors_in_flight
 from trexton.vision.textons import TextonDictionary
 
@@ -51,11 +48,6 @@ class Training:
         Neighbours of a frame.
     cells : int
         Parts of the image along each side, each with a histogram of its own.
-    parts : dict of str to Part
-        By role, trained: for calibration and integrity, which judge a method.
-    fly : callable or None
-        For them too: flies that method, for a number of samples a frame, by leave-neighbours-out
-        cross-validation.
     """
 
     histograms: np.ndarray
@@ -69,8 +61,6 @@ class Training:
     rng: np.random.Generator
     k: int = 1
     cells: int = 1
-    parts: Mapping[str, Any] = field(default_factory=dict)
-    fly: Callable[[int], Iterator[Flown]] | None = None
 
     @cached_property
     def nearest(self) -> NearestHistograms:

@@ -62,7 +62,7 @@ def test_the_replay_of_an_experiment_shows_every_method_that_can_fly():
     flight = small_flight()
     parameters = mocap_training.Parameters(neighbors=3, particles=20)
     recording = replay(flight, flight, parameters)
-    # Too short to calibrate a guarded filter, and without images that fine could compare.
+    # Without images that fine could compare.
     names = ["the paper's filter", "neighbours alone", "field"]
     assert list(recording.frames[0]["estimates_cm"]) == names
     assert all(set(each["errors_cm"]) == set(names) for each in recording.frames)
@@ -161,7 +161,7 @@ def test_the_player_has_the_colours_of_the_figures():
     style = (files("trexton.companion.player") / "player.css").read_text(encoding="utf-8")
     light, dark = (dict(re.findall(r"--(\w+): (#\w+)", line)) for line in style.splitlines()[:2])
     book = Path("book/_static/book.css").read_text(encoding="utf-8")
-    for name in ("truth", "paper", "guarded", "field", "fine", "neighbors", "particles"):
+    for name in ("truth", "paper", "other", "field", "fine", "neighbors", "particles"):
         assert light[name] == COLORS[name].lower()
         assert f"--fig-{light[name][1:]}: {dark[name]};" in book
 

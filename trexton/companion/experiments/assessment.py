@@ -235,7 +235,6 @@ def finding(record: Record) -> str:
 # name: what it is called, and its colour
 LABELS = {
     "paper": ("the paper's filter", "paper"),
-    "guarded": ("guarded", "guarded"),
     "field": ("field", "field"),
     "fine": ("fine", "fine"),
     "knn": ("neighbours alone", "neighbors"),

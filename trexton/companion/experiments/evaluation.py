@@ -31,7 +31,7 @@ from trexton.localization.training import for_method, train_map
 from trexton.vision.camera import MapImage
 from trexton.vision.histograms import sampled_histogram
 
-RUNS = {"paper": 20, "guarded": 5, "field": 1}  # one where no more is drawn than the patches
+RUNS = {"paper": 20, "field": 1}  # one where no more is drawn than the patches
 MOST_LAG_FRAMES = 60
 
 

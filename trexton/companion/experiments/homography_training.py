@@ -115,7 +115,7 @@ def finding(record: Record) -> str:
 # place in the record: label and colour; both train the paper's filter, one as the paper does
 ROWS = {
     "filter": ("homography positions", COLORS["paper"]),
-    "remedy": ("filtered ones", COLORS["guarded"]),
+    "remedy": ("filtered ones", COLORS["other"]),
 }
 
 

@@ -228,7 +228,7 @@ def finding(record: Record) -> str:
 
 _FILTERS = {
     "plain": ("the paper's filter", COLORS["paper"], "-"),
-    "augmented": ("with random particles", COLORS["guarded"], "--"),
+    "augmented": ("with random particles", COLORS["other"], "--"),
     "field": ("the field", COLORS["field"], "-."),
 }
 

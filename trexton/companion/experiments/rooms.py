@@ -50,7 +50,7 @@ from trexton.simulator.vehicle import VehicleState
 from trexton.vision.camera import Camera, MapImage
 
 FIRST_FLOOR = 1300  # seed of the first painted floor; no setting was chosen on these
-METHODS = ("paper", "guarded", "field", "fine")
+METHODS = ("paper", "field", "fine")
 NEIGHBORS = "neighbours"  # the mean of the paper's neighbours, without its filter
 WRONG_M = 0.3
 SHADE, RUG_SHARE, RUG_TILE = 0.65, 0.1, 0.05  # gain, share of the floor, metres
@@ -235,7 +235,6 @@ def finding(record: Record) -> str:
 STROKES: Mapping[str, tuple[str, str]] = {
     NEIGHBORS: ("o", COLORS["truth"]),
     "paper": ("o", COLORS["paper"]),
-    "guarded": ("s", COLORS["paper"]),
     "field": ("o", COLORS["field"]),
     "fine": ("D", COLORS["field"]),
 }
@@ -248,7 +247,7 @@ def errors(record: Record) -> Figure:
         for place, (method, (mark, color)) in enumerate(STROKES.items()):
             each = [record.values["changes"][name][method]["error_cm"] for name in CHANGES]
             with_intervals(
-                plot, rows + 0.14 * (place - 2), each, across=True, fmt=mark, color=color,
+                plot, rows + 0.14 * (place - 1.5), each, across=True, fmt=mark, color=color,
                 markersize=4, label=method, markerfacecolor="white" if mark != "o" else color,
             )  # fmt: skip
         label_rows(plot, [change.words for change in CHANGES.values()], "mean error (cm)")
@@ -281,9 +280,8 @@ def honesty(record: Record) -> pd.DataFrame:
             {"change": change.words}
             | {
                 f"{method}: {words}": percent(record.values["changes"][name][method][key])
-                for method in ("guarded", "field", "fine")
+                for method in ("field", "fine")
                 for key, words in keys.items()
-                if method != "guarded" or key != "held"
             }
             for name, change in CHANGES.items()
         ]

@@ -26,7 +26,7 @@ from trexton.companion.wording import METRES_FROM
 COLORS = {
     "truth": "#4d4d4d",  # and lines that stand still: a limit, a rate, a tolerance
     "paper": "#D55E00",  # the paper's filter
-    "guarded": "#CC79A7",
+    "other": "#CC79A7",  # the paper's filter, changed
     "field": "#0072B2",
     "fine": "#009E73",
     "neighbors": "#56B4E9",

@@ -33,11 +33,7 @@ from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import TextonMap
 
-METHODS = {
-    "paper": "the paper's filter",
-    "guarded": "the guarded filter",
-    "field": "the field",
-}
+METHODS = {"paper": "the paper's filter", "field": "the field"}
 SETTLED_S = 2.0  # filters begin with no idea of the place
 FUSED_SETTLED_S = 4.0  # and receivers with none of the velocity
 WRONG = 16.0  # squared deviations: four

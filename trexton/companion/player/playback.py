@@ -27,7 +27,7 @@ from trexton.vision.patches import sample_positions
 __all__ = ["PlayedFlight", "record_replay", "replay"]
 
 # As the player names them; the first one is shown in detail.
-_METHODS = {"paper": "the paper's filter", "guarded": "guarded", "field": "field", "fine": "fine"}
+_METHODS = {"paper": "the paper's filter", "field": "field", "fine": "fine"}
 _WIDTH = 200  # pixels of a frame on the page
 _FLOOR_WIDTH = 420
 _QUALITY = 38

@@ -13,8 +13,8 @@
   let now = 0, playing = null, floorImage = null;
   const pictures = new Map(), color = (name) => getComputedStyle(root).getPropertyValue(name).trim();
   /* The colours of the figures; a method without one takes what is left. */
-  const owned = { "the paper's filter": "--paper", filter: "--paper", paper: "--paper", guarded: "--guarded", field: "--field", fine: "--fine", "neighbours alone": "--neighbors" };
-  const free = ["--paper", "--field", "--fine", "--guarded"].filter((each) => !names.some((name) => owned[name] === each)), variable = {};
+  const owned = { "the paper's filter": "--paper", filter: "--paper", paper: "--paper", field: "--field", fine: "--fine", "neighbours alone": "--neighbors" };
+  const free = ["--paper", "--field", "--fine", "--other"].filter((each) => !names.some((name) => owned[name] === each)), variable = {};
   names.forEach((name) => { variable[name] = owned[name] || free.shift() || "--soft"; });
   const methodColor = (name) => color(variable[name]);
 
