@@ -385,7 +385,6 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
                 b"FLIGHT",
                 b"FLIGHT#test",
                 b"/dev/video0",
-                b"simulator:7",
                 b"rtsp://localhost:1/x",
                 b"flight:FLIGHT",
             ],

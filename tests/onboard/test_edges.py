@@ -22,7 +22,7 @@ STRANGER = '''
 
 from dataclasses import dataclass
 
-from trexton.onboard.sinks.lines import FileSink
+from trexton.onboard.sinks.files import FileSink
 from trexton.base.options import Options, option
 
 

@@ -11,7 +11,6 @@ import pytest
 from conftest import small_flight
 from patience import eventually
 
-from trexton.base.errors import ParameterError
 from trexton.onboard.grabber import Grabber
 from trexton.onboard.sources import (
     CameraLost,
@@ -134,8 +133,3 @@ def test_a_stream_that_is_decoded_too_slowly_costs_frames_and_not_age(monkeypatc
     grabber.close()
     off = [frame.time - frame.picture.max() for frame in seen]  # the stamp, less the true moment
     assert max(off) < 0.1 and tally["dropped"] > 50
-
-
-def test_unknown_faults_cannot_be_counted():
-    with pytest.raises(ParameterError, match="FAULTS"):
-        Tally().fault("gremlins")

@@ -124,12 +124,6 @@ class TestBadFrames:
         assert tally.faults == {"frozen": 8}
         assert [fix.observed for fix in fixes] == [True] * 10 + [False] * 8 + [True] * 10
 
-    def test_a_torn_picture(self, film):
-        torn = np.concatenate([film[10][:48], film[9][48:]])
-        fixes, tally = self.inject(film, torn)
-        assert tally.faults == {"torn": 1}
-        assert [fix.observed for fix in fixes] == [True] * 10 + [False] + [True] * 10
-
     def test_a_burst_of_random_bytes_costs_trust_and_is_survived(self, film, rng):
         noise = [rng.integers(0, 256, film[0].shape, dtype=np.uint8) for _ in range(5)]
         fixes, tally, _ = run(

@@ -20,8 +20,7 @@ from trexton.localization.training import train_map
 from trexton.onboard.intake import Aids
 from trexton.onboard.sinks import Guard
 from trexton.onboard.sources import Frame
-from trexton.onboard.sources.changes import Delay, Paced
-from trexton.onboard.sources.recorded import FlightSource
+from trexton.onboard.sources.recorded import FlightSource, Paced
 from trexton.onboard.tally import Tally
 from trexton.simulator import record_flight
 
@@ -132,7 +131,7 @@ def test_the_columns_of_a_flight_come_with_its_frames_also_when_it_is_paced(flig
 
 
 def late_by(source, seconds):
-    source.delay, source.changes = seconds, (Delay(seconds),)
+    source.delay = seconds
     return source
 
 

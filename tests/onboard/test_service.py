@@ -53,8 +53,8 @@ def test_alive_no_oftener_than_asked_and_nothing_where_nobody_listens(tmp_path):
         assert [systemd.recv(100) for _ in range(2)] == [b"WATCHDOG=1"] * 2
         with pytest.raises(BlockingIOError):
             systemd.recv(100)
-    Service({}).ready()
-    Service({"NOTIFY_SOCKET": "/no/such/socket"}).ready()
+    Service({}).say("READY=1")
+    Service({"NOTIFY_SOCKET": "/no/such/socket"}).say("READY=1")
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd is not installed")

@@ -89,8 +89,6 @@ def test_the_log_is_kept_over_a_restart_and_outputs_begin_anew(tmp_path):
     "address",
     [
         "xml:a",
-        "csv",
-        "tum:",
         "csv:/no/such/folder/a.csv",
         "udpout:14550",
         "tcp:host:port",
@@ -215,15 +213,3 @@ def test_a_deleted_log_is_counted_and_begun_anew(tmp_path):
     guard.event({"event": "second"})
     guard.close()
     assert json.loads((tmp_path / "log").read_text()) == {"event": "second"}
-
-
-def test_a_log_that_grows_is_moved_on_once(tmp_path):
-    log = JsonLines(f"{tmp_path}/log", events=True, most_bytes=200)
-    log.open()
-    for number in range(20):
-        log.event({"event": "number", "number": number})
-    log.close()
-    rows = [json.loads(line)["number"] for name in ("log.1", "log")
-            for line in (tmp_path / name).read_text().splitlines()]  # fmt: skip
-    assert rows == list(range(20 - len(rows), 20)) and len(rows) > 5
-    assert max((tmp_path / name).stat().st_size for name in ("log", "log.1")) <= 200

@@ -20,17 +20,13 @@ from trexton.flights import read_flight
 from trexton.onboard.sources import (
     SOURCES,
     CameraLost,
-    Expected,
     Frame,
     Playback,
     Source,
     open_source,
 )
-from trexton.onboard.sources.changes import Paced
-from trexton.onboard.sources.recorded import FlightSource, VideoFile
-from trexton.onboard.sources.simulator import SimulatorSource
-from trexton.onboard.sources.v4l2 import V4l2Source
-from trexton.onboard.sources.video import StreamSource
+from trexton.onboard.sources.recorded import FlightSource, Paced, SimulatorSource, VideoFile
+from trexton.onboard.sources.video import StreamSource, V4l2Source
 from trexton.vision.images import yuv_from_bgr, yuv_from_uyvy
 
 
@@ -47,22 +43,19 @@ class TestRegistry:
         assert isinstance(open_source("rtsp://127.0.0.1/floor"), StreamSource)
         assert isinstance(open_source("videotestsrc ! appsink"), StreamSource)
         assert isinstance(open_source(str(image_folder)), FlightSource)
-        assert type(open_source(str(image_folder / "images"))).__name__ == "ImageFolder"
+        assert isinstance(open_source(str(image_folder / "images/%06d.png")), VideoFile)
         assert isinstance(
             open_source(str(flight_folder), options={Playback: Playback(pace="stamps")}), Paced
         )
         assert isinstance(open_source("stream:/dev/video0"), StreamSource)
-        assert isinstance(open_source("video:/dev/video0"), StreamSource)
 
     def test_modules_load_by_name(self):
         for kind in SOURCES:
             assert resolve("sources", kind, SOURCES).addresses
 
-    @pytest.mark.parametrize(
-        "address", ["nowhere", "/dev/videoX", "", "simulator:x", "video:none.avi", "flight:none"]
-    )
+    @pytest.mark.parametrize("address", ["nowhere", "/dev/videoX", "", "flight:none"])
     def test_anything_else_is_an_error_with_a_sentence(self, address):
-        with pytest.raises(TrextonError, match="give|no such"):
+        with pytest.raises(TrextonError, match="give"):
             open_source(address)
 
 
@@ -105,31 +98,6 @@ class TestFlight:
         ]
 
 
-class TestImages:
-    def test_natural_order_and_period(self, tmp_path, rng):
-        pictures = {
-            number: rng.integers(0, 256, (6, 8, 3), dtype=np.uint8) for number in (10, 9, 2)
-        }
-        for number, picture in pictures.items():
-            cv2.imwrite(str(tmp_path / f"f{number}.png"), picture)
-        (tmp_path / "f1.png").write_bytes(b"no image")
-        (tmp_path / "notes.txt").write_text("not a frame")
-        frames = everything(open_source(str(tmp_path), Expected(period_s=0.5)))
-        assert [frame.time for frame in frames] == [0.0, 0.5, 1.0, 1.5]
-        assert frames[0].picture is None
-        for frame, number in zip(frames[1:], (2, 9, 10), strict=False):
-            np.testing.assert_array_equal(frame.picture, yuv_from_bgr(pictures[number]))
-
-    def test_a_raised_two_is_a_letter(self, tmp_path):
-        for name in ("1²3", "1a3"):
-            cv2.imwrite(str(tmp_path / f"{name}.png"), np.zeros((6, 8, 3), np.uint8))
-        assert len(everything(open_source(str(tmp_path)))) == 2
-
-    def test_an_empty_folder_is_an_error(self, tmp_path):
-        with pytest.raises(ImageError, match="no images"):
-            open_source(str(tmp_path))
-
-
 class TestVideo:
     def test_every_frame_of_a_file_with_laps(self, tmp_path):
         frames = [np.full((48, 64, 3), shade, np.uint8) for shade in (40, 80, 120, 160)]
@@ -141,10 +109,18 @@ class TestVideo:
         for number, frame in enumerate(seen):
             assert abs(frame.picture[..., 0].mean() - (40, 80, 120, 160)[number % 4]) < 3
 
+    def test_numbered_images(self, tmp_path, rng):
+        pictures = rng.integers(0, 256, (3, 48, 64, 3), dtype=np.uint8)
+        for number, picture in enumerate(pictures, 1):
+            cv2.imwrite(f"{tmp_path}/f{number:03d}.png", picture)
+        seen = [frame.picture for frame in everything(open_source(f"{tmp_path}/f%03d.png"))]
+        np.testing.assert_array_equal(seen, [yuv_from_bgr(picture) for picture in pictures])
+
     def test_no_video_is_an_error(self, tmp_path):
         (tmp_path / "text.avi").write_text("not a video")
-        with pytest.raises(ImageError, match="not a video"):
-            VideoFile(str(tmp_path / "text.avi"), Playback(), Expected()).open()
+        for name in ("text.avi", "none.avi", "none%02d.png"):
+            with pytest.raises(ImageError, match="not a video"):
+                VideoFile(str(tmp_path / name)).open()
 
     def test_a_named_pipe_is_a_live_stream(self, tmp_path):
         pipe = tmp_path / "camera.y4m"
@@ -206,8 +182,8 @@ class FakeCapture:
 
 
 class TestV4l2:
-    def source(self, capture, **options) -> V4l2Source:
-        return V4l2Source("/dev/video0", Expected(**options), capture, Clock(5.0))
+    def source(self, capture, shape=None) -> V4l2Source:
+        return V4l2Source("/dev/video0", shape, capture, Clock(5.0))
 
     def test_uyvy_bytes_as_they_are(self, rng):
         raw = rng.integers(0, 256, (4, 6, 2), dtype=np.uint8)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from onboard_flying import Film
 from onboard_tools import colourful_floor
 
 from trexton.base.errors import ImageError, MapError, ParameterError
@@ -16,8 +17,9 @@ from trexton.flights.importing import import_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
+from trexton.onboard.grabber import Grabber
 from trexton.onboard.sources import Expected, Frame, open_source
-from trexton.onboard.sources.changes import Rectify
+from trexton.onboard.tally import Tally
 from trexton.simulator import record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.images import yuv_from_bgr
@@ -110,7 +112,15 @@ def test_a_camera_is_seen_as_it_was_when_the_map_was_made(place, imported, tmp_p
     raw.mkdir()
     for file in (place / "images").glob("*.png"):
         (raw / file.name).write_bytes(file.read_bytes())
-    words = ["onboard", str(path), "--camera", str(raw), "--output", f"csv:{table}", "--quiet"]
+    words = [
+        "onboard",
+        str(path),
+        "--camera",
+        str(raw / "%03d.png"),
+        "--output",
+        f"csv:{table}",
+        "--quiet",
+    ]
     assert main(words) == 0
     rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert (rows["observed"] == 1).all()
@@ -126,13 +136,15 @@ def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(pl
     frame = Frame(0.0, np.zeros((192, 256, 3), np.uint8))
 
     def picture(frame):
-        return Rectify(SMALL)(frame).picture
+        source = Film([frame.picture])
+        source.rectification = SMALL
+        return Grabber(source, Tally()).next(0).picture
 
     assert picture(frame).shape == (84, 112, 3)
     for other in (None, np.zeros((84, 112, 3), np.uint8), np.zeros(8)):
         assert picture(replace(frame, picture=other)) is other
     assert open_source(str(place / "flight"), Expected()).rectified
-    assert not open_source(str(place / "images"), Expected()).rectified
+    assert not open_source(str(place / "images" / "%03d.png"), Expected()).rectified
     with pytest.raises(ImageError, match="apply the map's rectification"):
         Localizer(texton_map, rng=np.random.default_rng(2)).step(frame.picture)
 

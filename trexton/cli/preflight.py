@@ -51,16 +51,15 @@ class _Watch:
         self.yaw: dict[float, float] = {}  # by its stamp
         self._aids = aids
 
-    def __call__(self, frame: Frame) -> Frame:
+    def __call__(self, frame: Frame) -> None:
         if frame.picture is None:
-            return frame
+            return
         self.frames.append(replace(frame, aiding=self._aids.of(frame, frame.time)))
         if frame.picture.ndim == 3:
             self.small.append((frame.time, small(frame.picture)))
         aiding = self._aids.everything(frame, frame.time + self.delay)
         if aiding.yaw is not None and aiding.attitude_time is not None:
             self.yaw[aiding.attitude_time] = aiding.yaw
-        return frame
 
 
 def preflight(settings: Settings, seconds: float = DURATION) -> list[Check]:
@@ -86,7 +85,7 @@ def preflight(settings: Settings, seconds: float = DURATION) -> list[Check]:
     quiet = replace(settings, outputs=autopilots, options={**settings.options, **changes})
     onboard, stop = build(quiet), threading.Event()
     watched = _Watch(onboard.aids, onboard.source.delay)
-    onboard.source.changes += (watched,)
+    onboard.source.watch = watched
     timer = threading.Timer(seconds, stop.set)
     timer.start()
     try:

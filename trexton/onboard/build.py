@@ -24,7 +24,6 @@ from trexton.onboard.settings import Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.files import JsonLines
 from trexton.onboard.sources import Expected, open_source
-from trexton.onboard.sources.changes import Delay, Rectify
 from trexton.onboard.tally import Tally
 
 __all__ = ["build"]
@@ -54,10 +53,9 @@ def build(settings: Settings) -> Onboard:
             f"{flying.camera} gives images, but the map was trained from histograms and holds no "
             "textons: train a map on a flight with images"
         )
-    if rectification is not None and not source.rectified:
-        source.changes += (Rectify(rectification),)
-    if source.live and flying.camera_delay:
-        source.changes += (Delay(flying.camera_delay),)
+    if not source.rectified:
+        source.rectification = rectification
+    if source.live:
         source.delay = flying.camera_delay
     around = Surroundings(
         settings.of(MapPlacement).local,
@@ -72,10 +70,7 @@ def build(settings: Settings) -> Onboard:
     warnings = [_overconfidence(texton_map, settings)]
     if any(sink.autopilot for sink in sinks) and settings.of(MapPlacement).heading is None:
         warnings.append("no --heading: the map's +y is taken for north")
-    log = None
-    if flying.log:
-        most = round(1e6 * flying.log_megabytes)
-        log = Guard(JsonLines(flying.log, events=True, most_bytes=most), tally)
+    log = Guard(JsonLines(flying.log, events=True), tally) if flying.log else None
     return Onboard(
         localizer,
         source,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 from trexton.onboard.sources.base import CameraLost, Frame, Source
 from trexton.onboard.tally import Tally
@@ -54,9 +55,14 @@ class Grabber:
         return frame and self._decoded(frame)
 
     def _decoded(self, frame: Frame) -> Frame:
-        frame = self._source.decoded(frame)
-        for change in self._source.changes:
-            frame = change(frame)
+        """Decoded, stamped with when it was taken, seen as the map's images were."""
+        source = self._source
+        frame = source.decoded(frame).shifted(-source.delay)
+        picture, made = frame.picture, source.rectification
+        if made is not None and picture is not None and picture.shape[1::-1] == made.source:
+            frame = replace(frame, picture=made.apply(picture))
+        if source.watch is not None:
+            source.watch(frame)
         return frame
 
     def reopen(self) -> None:
@@ -86,7 +92,7 @@ class Grabber:
                         pause, reported = FIRST_PAUSE, None
                     self._again.clear()
                 except CameraLost as error:
-                    self._tally.fault("camera")
+                    self._tally.count("camera")
                     if str(error) != reported:  # once, not at every attempt
                         say(f"trexton onboard: {error}")
                         reported = str(error)

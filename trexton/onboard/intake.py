@@ -17,13 +17,12 @@ from trexton.onboard.tally import Tally
 
 __all__ = ["AIDS", "Aids", "Inspector", "StampKeeper"]
 
-CLOCK_TOLERANCE = 0.5  # seconds a stamp may lie in the future, or the calendar clock jump
+CLOCK_TOLERANCE = 0.5  # seconds a stamp may lie in the future
 MAX_FRAME_AGE = 60.0  # seconds: an older stamp is of another clock, a younger one of an old frame
 MIN_STAMP_STEP = 1e-3  # seconds
 SAMPLE_STRIDE = 8  # one pixel in 64 tells black from white and one frame from the next
 BLACK_LEVEL, WHITE_LEVEL = 12, 243  # grey levels, of 255
 SATURATED_SHARE = 0.98  # of the pixels, from which on a frame is dark or bright
-TORN_SHARE = 0.1  # of the rows, at the top or at the bottom, left over from the frame before
 AIDS = ("tilt", "all", "none")
 _STAMPED = {  # what shares a stamp
     "attitude_time": ("roll", "pitch", "yaw"),
@@ -33,42 +32,32 @@ _STAMPED = {  # what shares a stamp
 
 
 class StampKeeper:
-    """Checks capture stamps of a live source, and watches the calendar clock beside the steady one.
+    """Checks capture stamps of a live source.
 
     Parameters
     ----------
     tally : Tally
-    steady, calendar : callable
-        Clocks in seconds: the one that stamps are made with, and the one that people set.
+    steady : callable
+        Seconds, the clock that stamps are made with.
     """
 
-    def __init__(
-        self,
-        tally: Tally,
-        steady: Callable[[], float] = time.monotonic,
-        calendar: Callable[[], float] = time.time,
-    ):
-        self._tally, self._steady, self._calendar = tally, steady, calendar
+    def __init__(self, tally: Tally, steady: Callable[[], float] = time.monotonic):
+        self._tally, self._steady = tally, steady
         self._last: float | None = None
         self._shift = 0.0
-        self._offset = calendar() - steady()
 
     def keep(self, stamp: float) -> float:
         """`stamp`, or the nearest believable one: after the last, not in the future. A frame that
         is merely old keeps its stamp."""
         now = self._steady()
-        offset = self._calendar() - now
-        if abs(offset - self._offset) > CLOCK_TOLERANCE:  # stamps are not of this clock: only said
-            self._tally.fault("clock")
-            self._offset = offset
         believed = stamp if now - MAX_FRAME_AGE <= stamp <= now + CLOCK_TOLERANCE else now
         kept = believed + self._shift
         if self._last is not None and kept <= self._last:  # back in time: go on from where it was
             self._shift += self._last + MIN_STAMP_STEP - kept
             kept = self._last + MIN_STAMP_STEP
-            self._tally.fault("clock")
+            self._tally.count("clock")
         elif believed != stamp:
-            self._tally.fault("clock")
+            self._tally.count("clock")
         self._last = kept
         return kept
 
@@ -85,8 +74,6 @@ class Inspector:
     def __init__(self, shape: tuple[int, int] | None):
         self.shape = shape
         self._last: np.ndarray | None = None
-        self._repeated = np.zeros(0, bool)  # rows of the last frame that repeated the one before
-        self._torn = False  # the last frame
         self.frozen = 0  # frames in a row that repeat the one before
 
     def check(self, picture: np.ndarray) -> str | None:
@@ -98,39 +85,14 @@ class Inspector:
         sample = picture[::SAMPLE_STRIDE, ::SAMPLE_STRIDE].copy()
         # Sensor noise alone makes two frames differ: equal bytes mean that the camera
         # repeats itself.
-        repeated = self._rows_repeated(sample)
-        same, torn = bool(repeated.all()), not self._torn and self._is_torn(sample, repeated)
-        self._last, self._repeated, self._torn = sample, repeated, torn
-        self.frozen = self.frozen + 1 if same else 0
+        same = self._last is not None and np.array_equal(sample, self._last)
+        self._last, self.frozen = sample, self.frozen + 1 if same else 0
         luma = sample[..., 0]
         if np.mean(luma <= BLACK_LEVEL) >= SATURATED_SHARE:
             return "dark"
         if np.mean(luma >= WHITE_LEVEL) >= SATURATED_SHARE:
             return "bright"
-        if same:
-            return "frozen"
-        return "torn" if torn else None
-
-    def _rows_repeated(self, sample: np.ndarray) -> np.ndarray:
-        """``(rows,)`` whether each is the same as in the frame before."""
-        if self._last is None or self._last.shape != sample.shape:
-            return np.zeros(len(sample), bool)
-        repeated: np.ndarray = (sample == self._last).all(axis=(1, 2))
-        return repeated
-
-    def _is_torn(self, sample: np.ndarray, repeated: np.ndarray) -> bool:
-        """Whether the frame was handed out while the next was written into it: to one side of a
-        row all is as before, to the other nothing.
-
-        A bar without noise, black or with letters, was the same before, too. What follows a torn
-        frame may repeat its new rows and be whole.
-        """
-        if np.count_nonzero(repeated[1:] != repeated[:-1]) != 1:
-            return False
-        flat = np.ptp(sample[..., 0], axis=1) == 0
-        bar = self._repeated if self._repeated.shape == repeated.shape else np.zeros_like(repeated)
-        left_over = repeated & ~bar & ~flat
-        return bool(left_over.mean() >= TORN_SHARE)
+        return "frozen" if same else None
 
 
 class Aids:

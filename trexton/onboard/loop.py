@@ -21,7 +21,7 @@ from trexton.onboard.intake import MAX_FRAME_AGE, MIN_STAMP_STEP, Aids, Inspecto
 from trexton.onboard.sinks.base import Guard
 from trexton.onboard.sources.base import CameraLost, Frame, Source
 from trexton.onboard.status import Service, Status
-from trexton.onboard.tally import Latencies, Tally
+from trexton.onboard.tally import Tally
 from trexton.onboard.voice import flush, say
 
 __all__ = ["CAUSES", "Onboard"]
@@ -82,8 +82,7 @@ class Onboard:
         self._inspector = Inspector(localizer.map.image_shape)
         self._stamps = StampKeeper(tally, clock)
         self._continuity = Continuity(localizer.growth, self._period)
-        self._latencies = Latencies()
-        self.status = Status(tally, self._latencies, sinks, self.commander, warnings)
+        self.status = Status(tally, sinks, self.commander, warnings)
         self._model_time: float | None = None  # up to here the filter has been advanced
         self._observed_at = -np.inf
         self._fix: Fix | None = None
@@ -97,7 +96,7 @@ class Onboard:
         """
         feed = Grabber(self.source, self.tally)
         began = self._clock()
-        self._service.ready()
+        self._service.say("READY=1")
         for guard in self.sinks:
             if guard.sink.autopilot:  # heartbeat, clock and origin do not wait for a frame
                 guard.event({"event": "start"})
@@ -124,7 +123,7 @@ class Onboard:
                 if self.source.live:
                     stop.wait(max(0.0, POLL_SHARE * self._period - (self._clock() - started)))
         finally:
-            self._service.stopping()
+            self._service.say("STOPPING=1")
             feed.close()
             summary = self.status.summary()
             for guard in self._everything():
@@ -177,9 +176,9 @@ class Onboard:
             self._contradicted("attitude", roll_off_deg=roll, pitch_off_deg=pitch)
         self._pass_on(estimate, stamp, fault, captured)
         total = self._clock() - captured
-        self._latencies.add(total)
+        self.status.took(total)
         if total - self.source.delay > self._period:  # its own delay no computer makes up for
-            self.tally.fault("late")
+            self.tally.count("late")
         if self._inspector.frozen * self._period > FROZEN_TIMEOUT:
             self._inspector.frozen = 0
             feed.reopen()
@@ -197,12 +196,12 @@ class Onboard:
                 fault = "misfit"
                 if not self.tally[fault]:
                     say(f"trexton onboard: {error}")
-        self.tally.fault(fault)
+        self.tally.count(fault)
         return self.localizer.step(None), fault
 
     def _contradicted(self, what: str, **off: float) -> None:
         """Count what the frames take for wrong; once it was a second long, say it."""
-        self.tally.fault(what)
+        self.tally.count(what)
         if self.tally[what] == np.ceil(1.0 / self._model_period):
             event = f"{what} contradicted by the frames"
             self.report({"event": event, **off, "look at": CAUSES[what]})
@@ -238,7 +237,7 @@ class Onboard:
         missed = int((seen_until - self._model_time) / self._model_period - 0.5)
         estimate = self._predict(missed)
         if estimate is not None:
-            self.tally.fault("gap", missed)
+            self.tally.count("gap", missed)
             self._model_time += missed * self._model_period
             self._pass_on(estimate, self._model_time, "gap", self._model_time)
 
@@ -268,7 +267,7 @@ class Onboard:
         if self.status.due(now):
             line = self.status.line(self._fix, now)
             say(line)
-            self._service.status(line)
+            self._service.say(f"STATUS={line}")
             if self.log is not None:
                 self.log.event({"event": "status", "time_s": self._time(), "line": line})
 

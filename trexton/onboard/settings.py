@@ -27,7 +27,6 @@ class Flying(Options):
 
     camera: str = option("/dev/video0", "where frames come from")
     log: str | None = option(None, "file for every position, fault and answer, as JSON lines")
-    log_megabytes: float = option(100.0, "size at which the log is moved to FILE.1", low=0.01)
     camera_delay: float = option(
         0.0,
         "seconds by which a live camera's frames are old when they arrive; --preflight finds it",

@@ -7,29 +7,21 @@ import os
 import resource
 import socket
 import sys
+from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
+
 from trexton.onboard.commander import Commander
 from trexton.onboard.fix import Fix
 from trexton.onboard.sinks.base import Guard
-from trexton.onboard.tally import Latencies, Tally
+from trexton.onboard.tally import Tally
 
-__all__ = ["Service", "Status", "resident_bytes"]
+__all__ = ["Service", "Status"]
 
-WARM_UP_FRAMES = 1000  # frames after which memory should not grow any more
-
-
-def resident_bytes() -> int:
-    """Memory that this process holds now; the most it ever held where the system does not tell."""
-    try:
-        with open("/proc/self/statm", encoding="ascii") as stream:
-            return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
-            1 if sys.platform == "darwin" else 1024
-        )
+LATENCIES = 65536  # that are kept, the latest ones
 
 
 class Status:
@@ -38,7 +30,6 @@ class Status:
     Parameters
     ----------
     tally : Tally
-    latencies : Latencies
     sinks : list of Guard
     commander : Commander or None
     warnings : sequence of str
@@ -46,19 +37,27 @@ class Status:
     """
 
     def __init__(
-        self, tally: Tally, latencies: Latencies, sinks: list[Guard], commander: Commander | None,
+        self, tally: Tally, sinks: list[Guard], commander: Commander | None = None,
         warnings: Sequence[str] = (),
     ):  # fmt: skip
-        self._tally, self._latencies, self._sinks = tally, latencies, sinks
+        self._tally, self._sinks = tally, sinks
         self.commander, self.warnings = commander, warnings
+        self._latencies: deque[float] = deque(maxlen=LATENCIES)
+        self._longest = 0.0
         self._frames = 0
         self._last_at: float | None = None
-        self._settled_bytes: int | None = None
+
+    def took(self, seconds: float) -> None:
+        """Take in the latency of a frame."""
+        self._latencies.append(seconds)
+        self._longest = max(self._longest, seconds)
+
+    def _latency(self, share: float) -> float:
+        """What this share of the latencies does not exceed; NaN before the first."""
+        return float(np.quantile(self._latencies, share)) if self._latencies else float("nan")
 
     def due(self, now: float) -> bool:
         """Whether a second has passed since the last line."""
-        if self._settled_bytes is None and self._tally["frames"] >= WARM_UP_FRAMES:
-            self._settled_bytes = resident_bytes()
         return self._last_at is None or now - self._last_at >= 1.0
 
     def line(self, fix: Fix | None, now: float) -> str:
@@ -71,7 +70,7 @@ class Status:
             self._where(fix),
         ]
         if frames:
-            median, slowest = (1e3 * self._latencies.quantile(share) for share in (0.5, 0.99))
+            median, slowest = (1e3 * self._latency(share) for share in (0.5, 0.99))
             parts.append(f"latency {median:.1f} ms, p99 {slowest:.1f} ms")
         parts += [
             f"{guard.sink.name}: {words}" for guard in self._sinks if (words := guard.sink.status())
@@ -96,22 +95,19 @@ class Status:
         return f"x {x:.2f} y {y:.2f} m, spread {fix.spread[0]:.2f} {fix.spread[1]:.2f} m{flags}"
 
     def summary(self) -> dict[str, Any]:
-        """Counts, latencies in seconds and growth of memory in bytes over the whole run."""
-        tally, latencies = self._tally, self._latencies
-        growth = None if self._settled_bytes is None else resident_bytes() - self._settled_bytes
+        """Counts, latencies in seconds and the most memory in bytes over the whole run."""
+        most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         return {
-            "frames": tally["frames"],
-            "observed": tally["observed"],
-            "dropped": tally["dropped"],
-            "missed_deadlines": tally["late"],
+            "frames": self._tally["frames"],
+            "observed": self._tally["observed"],
+            "dropped": self._tally["dropped"],
             "latency_s": {
-                "median": latencies.quantile(0.5),
-                "p99": latencies.quantile(0.99),
-                "longest": latencies.longest,
+                "median": self._latency(0.5),
+                "p99": self._latency(0.99),
+                "longest": self._longest,
             },
-            "memory_bytes": resident_bytes(),
-            f"growth_since_frame_{WARM_UP_FRAMES}_bytes": growth,
-            "faults": tally.faults,
+            "memory_bytes": most * (1 if sys.platform == "darwin" else 1024),
+            "faults": self._tally.faults,
         }
 
 
@@ -133,28 +129,17 @@ class Service:
         self._pause = 1e-6 * int(interval) / 3 if interval.isdecimal() else float("inf")
         self._next = float("-inf")
 
-    def ready(self) -> None:
-        """The loop runs."""
-        self._say("READY=1")
-
-    def alive(self, now: float) -> None:
-        """The loop has come round again; told three times in the watchdog's interval at most."""
-        if self._pause < float("inf") and now >= self._next:
-            self._next = now + self._pause
-            self._say("WATCHDOG=1")
-
-    def status(self, line: str) -> None:
-        """What ``systemctl status`` shows."""
-        self._say(f"STATUS={line}")
-
-    def stopping(self) -> None:
-        """The end was asked for."""
-        self._say("STOPPING=1")
-
-    def _say(self, words: str) -> None:
+    def say(self, words: str) -> None:
+        """As ``READY=1``, ``STOPPING=1``, or ``STATUS=`` for what ``systemctl status`` shows."""
         if not self._address:
             return
         place = "\0" + self._address[1:] if self._address.startswith("@") else self._address
         with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as wire:
             wire.setblocking(False)
             wire.sendto(words.encode(), place)
+
+    def alive(self, now: float) -> None:
+        """The loop has come round again; told three times in the watchdog's interval at most."""
+        if self._pause < float("inf") and now >= self._next:
+            self._next = now + self._pause
+            self.say("WATCHDOG=1")

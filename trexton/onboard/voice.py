@@ -12,47 +12,41 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from functools import cache
 
 from trexton.base.progress import is_quiet, shown
 
-__all__ = ["Voice", "flush", "say"]
+__all__ = ["flush", "say"]
+
+_lines: queue.Queue[str] = queue.Queue(256)  # what comes while it is full is left out
 
 
-class Voice:
-    """Writes lines in a thread of its own.
-
-    Parameters
-    ----------
-    size : int
-        Lines that may wait; further ones are left out.
-    """
-
-    def __init__(self, size: int = 256):
-        self._lines: queue.Queue[str] = queue.Queue(size)
-        self._thread: threading.Thread | None = None
-        self._lock = threading.Lock()
-
-    def say(self, line: str) -> None:
-        """Have one line written; never waits."""
-        with self._lock:
-            if self._thread is None:
-                self._thread = threading.Thread(target=self._write_all, name="voice", daemon=True)
-                self._thread.start()
+def say(line: str) -> None:
+    """One line for people, unless the command is quiet; never waits, never fails."""
+    if not is_quiet():
+        _begin()
         with suppress(queue.Full):
-            self._lines.put_nowait(line)
+            _lines.put_nowait(shown(line, kept=""))
 
-    def flush(self, patience: float = 0.5) -> None:
-        """Wait until everything is written, but not longer than `patience` seconds."""
-        end = time.monotonic() + patience
-        while self._lines.unfinished_tasks and time.monotonic() < end:
-            time.sleep(0.002)
 
-    def _write_all(self) -> None:
-        while True:
-            line = self._lines.get()
-            with suppress(OSError, ValueError):  # nobody reads: it is only for eyes
-                _write(line + "\n")
-            self._lines.task_done()
+def flush(patience: float = 0.5) -> None:
+    """Give what was said time to be written, but no more than `patience` seconds."""
+    end = time.monotonic() + patience
+    while _lines.unfinished_tasks and time.monotonic() < end:
+        time.sleep(0.002)
+
+
+@cache
+def _begin() -> None:
+    threading.Thread(target=_write_all, name="voice", daemon=True).start()
+
+
+def _write_all() -> None:
+    while True:
+        line = _lines.get()
+        with suppress(OSError, ValueError):  # nobody reads: it is only for eyes
+            _write(line + "\n")
+        _lines.task_done()
 
 
 def _write(text: str) -> None:
@@ -68,17 +62,3 @@ def _write(text: str) -> None:
     data = text.encode(errors="replace")
     while data:
         data = data[os.write(descriptor, data) :]
-
-
-_VOICE = Voice()  # standard error is one for the process, and so is what writes to it
-
-
-def say(line: str) -> None:
-    """One line for people, unless the command is quiet; never waits, never fails."""
-    if not is_quiet():
-        _VOICE.say(shown(line, kept=""))
-
-
-def flush(patience: float = 0.5) -> None:
-    """Give what was said time to be written, but no more than `patience` seconds."""
-    _VOICE.flush(patience)

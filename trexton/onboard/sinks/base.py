@@ -238,7 +238,7 @@ class Guard:
             act()
             self._pause = FIRST_PAUSE
         except (OSError, TrextonError) as error:
-            self._tally.fault("output")
+            self._tally.count("output")
             self.left_out += 1
             why = getattr(error, "strerror", None) or error
             say(f"trexton onboard: {self.sink.name}: {why}: trying again in {self._pause:g} s")

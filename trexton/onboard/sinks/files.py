@@ -1,26 +1,155 @@
 """Files of positions: JSON lines (with events, the log), a CSV table, a TUM trajectory.
 
-All write whole lines by `FileSink`, into a file or onto standard output.
+All write whole lines by `FileSink`, into a file that grows while the vehicle flies, or onto
+standard output. Whoever derives from it says in `write` which line a fix is.
 """
 
 from __future__ import annotations
 
+import errno
 import json
-from typing import Any, Self
+import os
+import select
+import stat
+import sys
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from trexton.base.errors import ParameterError
 from trexton.base.records import plain
 from trexton.onboard.fix import Fix
-from trexton.onboard.sinks.base import Surroundings
-from trexton.onboard.sinks.lines import FileSink
+from trexton.onboard.sinks.base import Sink, Surroundings
 
-__all__ = ["COLUMNS", "CsvTable", "JsonLines", "TumTrajectory", "row"]
+__all__ = ["CsvTable", "FileSink", "JsonLines", "TumTrajectory", "row"]
 
 COLUMNS = (
     "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m",
     "observed", "lost", "stale", "resets", "latency_s", "fault", "heading_rad", "heading_std_rad",
 )  # fmt: skip
+
+
+def _holds_something(path: str) -> bool:
+    return os.path.isfile(path) and os.path.getsize(path) > 0
+
+
+def _ends_in_half_a_line(path: str) -> bool:
+    """As a computer leaves a file that loses its power: a line added to it would be lost too."""
+    if not _holds_something(path) or not os.access(path, os.R_OK):
+        return False
+    with open(path, "rb") as stream:
+        stream.seek(-1, os.SEEK_END)
+        return stream.read(1) != b"\n"
+
+
+def _move_aside(path: str) -> None:
+    number = 1
+    while os.path.lexists(f"{path}.{number}"):
+        number += 1
+    os.rename(path, f"{path}.{number}")
+
+
+class FileSink(Sink):
+    """A file that takes whole lines, each with one system call, so that neither a crash nor a full
+    disk leaves half a line behind.
+
+    Parameters
+    ----------
+    path : str
+        ``-`` for standard output.
+    keep : bool
+        Add to what the file holds already; otherwise that is moved to the first free of
+        ``path.1``, ``path.2`` and so on: a flight's positions are flown only once. That is done
+        when it is first opened: a flight that is refused before has touched nothing.
+
+    Raises
+    ------
+    ParameterError
+        The file cannot be made at all.
+    """
+
+    chosen: Any = None  # of its class of options
+    header: ClassVar[str] = ""  # first line of a new file
+
+    def __init__(self, path: str, keep: bool = False):
+        self.name = self.file = path
+        self._opened: Any = None  # its descriptor, while it is open
+        self._fresh = not keep
+        if not self._standard:
+            there = os.path.exists(path)
+            try:
+                os.close(os.open(path, os.O_WRONLY | os.O_CREAT, 0o644))
+            except OSError as error:
+                raise ParameterError(
+                    f"{path}: cannot be written ({error.strerror}): "
+                    "give a file in a folder that exists"
+                ) from None
+            if not there:
+                os.unlink(os.path.realpath(path))
+
+    @classmethod
+    def make(cls, address: str, options: Any, around: Surroundings) -> Self:
+        """The sink of an address ``KIND:FILE``, or ``KIND`` for standard output."""
+        made = cls(address or "-")
+        made.name, made.chosen = f"{around.kind}:{address}", options
+        return made
+
+    @property
+    def _standard(self) -> bool:
+        return self.file == "-"
+
+    def open(self) -> None:
+        """Open for adding; the header goes in where the file is still empty."""
+        if self._standard:
+            if sys.stdout is None:
+                raise OSError(errno.EBADF, "there is no standard output")
+            self._opened = os.dup(sys.stdout.fileno())
+        else:
+            if self._fresh and _holds_something(self.file):
+                _move_aside(self.file)
+            self._fresh = False
+            self._opened = os.open(self.file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        self._regular = stat.S_ISREG(os.fstat(self._opened).st_mode)
+        if self._regular and not self._standard and _ends_in_half_a_line(self.file):
+            self._add("")
+        if self.header and (self._standard or os.fstat(self._opened).st_size == 0):
+            self._add(self.header)
+
+    def add(self, line: str) -> None:
+        """Add one line.
+
+        Raises
+        ------
+        OSError
+            The disk is full, the file was deleted or moved, or the reader of a pipe is too slow:
+            an error, not a wait.
+        """
+        if self._regular and not self._standard and not self._in_place():
+            raise OSError(errno.ENOENT, "the file was deleted or moved; a new one is begun")
+        self._add(line)
+
+    def _in_place(self) -> bool:
+        try:
+            return os.path.samestat(os.stat(self.file), os.fstat(self._opened))
+        except FileNotFoundError:
+            return False
+
+    def _add(self, line: str) -> None:
+        if not select.select([], [self._opened], [], 0)[1]:
+            raise BlockingIOError(errno.EAGAIN, "its reader is too slow")
+        data = (line + "\n").encode()
+        size = os.fstat(self._opened).st_size
+        written = os.write(self._opened, data)
+        if written < len(data):
+            if self._regular:
+                os.ftruncate(self._opened, size)  # half a line never
+            raise OSError(errno.ENOSPC, "the disk is full: a line was left out")
+
+    def close(self) -> None:
+        """Close; the file can be opened again."""
+        if self._opened is not None:
+            os.close(self._opened)
+            self._opened = None
 
 
 def row(fix: Fix) -> dict[str, Any]:
@@ -60,17 +189,13 @@ class JsonLines(FileSink):
     is kept."""
 
     addresses = {
-        "json": "one object a line on standard output; the default",
+        "json": "one object a line on standard output, as csv and tum without a file; the default",
         "json:FILE": "the same in a file",
     }
 
-    def __init__(self, path: str, events: bool = False, most_bytes: int | None = None):
-        super().__init__(path or "-", keep=events, most_bytes=most_bytes)
+    def __init__(self, path: str, events: bool = False):
+        super().__init__(path, keep=events)
         self._events = events
-
-    @classmethod
-    def make(cls, address: str, options: Any, around: Surroundings) -> Self:
-        return super().make(address or "-", options, around)
 
     def write(self, fix: Fix) -> None:
         self.add(json.dumps(row(fix), allow_nan=False))
@@ -84,9 +209,7 @@ class CsvTable(FileSink):
     """Fixes as rows under `COLUMNS`; flags are 0 or 1, cells of what is not finite stay empty."""
 
     addresses = {"csv:FILE": "a table, a row a frame, numbered as the flight numbers it"}
-
-    def __init__(self, path: str):
-        super().__init__(path, ",".join(COLUMNS))
+    header = ",".join(COLUMNS)
 
     def write(self, fix: Fix) -> None:
         values = row(fix)

@@ -210,7 +210,7 @@ class MavlinkSink(Sink):
 
     def _failed(self, why: str) -> None:
         """Count it, and say why: once until somebody is heard again, not at every attempt."""
-        self._tally.fault("link")
+        self._tally.count("link")
         if why != self._why:
             self._why = why
             with self._lock:
@@ -235,7 +235,7 @@ class MavlinkSink(Sink):
         if target is not None:
             self._codec.srcSystem = target[0]  # a companion shares the system of its vehicle
         if self._was_present and not present:
-            self._tally.fault("silent")
+            self._tally.count("silent")
         self._was_present = present
 
     def _parsed(self, data: bytes) -> list[Any]:

@@ -8,10 +8,8 @@ be set to use them.
 
 from __future__ import annotations
 
-import ipaddress
 import logging
-import socket
-from contextlib import suppress
+import re
 from typing import Any
 
 from trexton.base.errors import ParameterError
@@ -35,12 +33,13 @@ def remote_gps_local(fix: Fix, aircraft: int, local: LocalFrame) -> str:
 
 
 class PaparazziSink(NewestSink):
-    """The bus finds its readers itself, whenever they come; one that sleeps makes it wait.
+    """The bus finds its readers itself, whenever they come; one that sleeps makes it wait. Two
+    agents that find each other at the same moment connect twice, and hear each position twice.
 
     Raises
     ------
     ParameterError
-        The extra is not installed, or the bus is none.
+        The extra is not installed.
     """
 
     autopilot = True
@@ -54,20 +53,19 @@ class PaparazziSink(NewestSink):
             from ivy.ivy import IvyServer
         logging.getLogger("Ivy").setLevel(logging.ERROR)
         self.name = f"paparazzi:{aircraft}"
-        self._make_server = _bus_agent(IvyServer, _our_address(bus))
-        self._aircraft, self._local, self._bus = aircraft, local, bus
+        self._make_server: Any = IvyServer
         self._server: Any = None
-        self._readers = 0
+        self._aircraft, self._local, self._bus = aircraft, local, bus
 
     @classmethod
     def make(cls, address: str, options: Options, around: Surroundings) -> PaparazziSink:
-        aircraft, _, bus = address.partition("@")
-        if not aircraft.isdecimal() or int(aircraft) > 255:
+        number, _, bus = address.partition("@")
+        if not number.isdecimal() or int(number) > 255 or not re.fullmatch(r"([\d.]+:\d+)?", bus):
             raise ParameterError(
                 f"output 'paparazzi:{address}': give paparazzi:AIRCRAFT, a number from 0 to 255, "
                 f"and @BUS where it is not {BUS}"
             )
-        return cls(int(aircraft), around.local, bus or BUS)
+        return cls(int(number), around.local, bus or BUS)
 
     def connect(self) -> None:
         self._server = self._make_server("trexton", "trexton ready", usesDaemons=True)
@@ -77,84 +75,9 @@ class PaparazziSink(NewestSink):
         return remote_gps_local(fix, self._aircraft, self._local)
 
     def deliver(self, item: str) -> None:
-        self._readers = self._server.send_msg(item)
-
-    def status(self) -> str:
-        return f"{self._readers} on the bus listen"
+        self._server.send_msg(item)
 
     def disconnect(self) -> None:
         if self._server.isAlive():
             self._server.stop()
         self._server.server_close()
-
-
-def _our_address(bus: str) -> str:
-    """The address at which we are reached from a bus: connections are taken there and nowhere else.
-
-    Raises
-    ------
-    ParameterError
-        The bus is no address and port.
-    """
-    host, colon, port = bus.rpartition(":")
-    try:
-        ipaddress.IPv4Address(host)
-        number = int(port)
-    except ValueError:
-        number = 0
-    if not colon or not 0 < number < 65536:
-        raise ParameterError(f"bus {bus!r}: give a broadcast address and a port, as in {BUS}")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-        try:
-            probe.connect((host, number))
-        except OSError as error:
-            raise ParameterError(
-                f"bus {bus}: no way there ({error.strerror}): check the network"
-            ) from None
-        ours: str = probe.getsockname()[0]
-    return ours
-
-
-def _bus_agent(server: type[Any], host: str) -> type[Any]:
-    """Ivy's server, bound to one address, and with each other agent served once.
-
-    Two agents that find each other at the same moment connect twice, once from either side. Every
-    connection carries the subscriptions; a message must still arrive once, so of the connections of
-    one agent, known by its address and the port it announces, only the first is written to.
-    """
-    from ivy.ivy import START_INIT, IvyHandler, IvyMalformedMessage, decode_msg
-
-    class Handler(IvyHandler):  # type: ignore[misc]
-        def process_ivymessage(self, msg: str, client: Any) -> bool:
-            with suppress(IvyMalformedMessage):
-                kind, number, _ = decode_msg(msg)
-                if kind == START_INIT:
-                    client.announced = number
-            kept: bool = super().process_ivymessage(msg, client)
-            return kept
-
-    class Agent(server):  # type: ignore[misc]
-        def __init__(self, *args: Any, **options: Any):
-            super().__init__(*args, **options)
-            self.RequestHandlerClass = Handler
-
-        def server_bind(self) -> None:
-            self.server_address: tuple[str, int] = (host, 0)
-            super().server_bind()
-
-        def send_msg(self, message: str, *, to: Any = None) -> int:
-            served: dict[tuple[object, ...], Any] = {}
-            with self._global_lock:
-                bindings = list(self._clients_bindings.values())
-            for binding in bindings:
-                match = binding.pattern.match(message)
-                for client, number in binding.clients if match else ():
-                    if to not in (None, client):
-                        continue
-                    agent = (client.ip, getattr(client, "announced", client))
-                    if served.setdefault(agent, client) is client:
-                        client.send_message(number, match.groups(default=""))
-            return len(served)
-
-    return Agent

@@ -15,7 +15,7 @@ from trexton.base.options import Options
 from trexton.base.plugins import addresses
 from trexton.onboard.edges import edge_at, edge_classes
 from trexton.onboard.sources.base import CameraLost, Expected, Frame, Playback, Source
-from trexton.onboard.sources.changes import Paced
+from trexton.onboard.sources.recorded import Paced
 
 __all__ = [
     "CameraLost", "Frame", "Playback", "SOURCES", "Source", "Expected", "open_source",
@@ -23,10 +23,9 @@ __all__ = [
 
 # kind: module and class, in the order in which they are asked
 SOURCES = {
-    "simulator": "trexton.onboard.sources.simulator:SimulatorSource",
-    "v4l2": "trexton.onboard.sources.v4l2:V4l2Source",
+    "simulator": "trexton.onboard.sources.recorded:SimulatorSource",
+    "v4l2": "trexton.onboard.sources.video:V4l2Source",
     "flight": "trexton.onboard.sources.recorded:FlightSource",
-    "images": "trexton.onboard.sources.recorded:ImageFolder",
     "stream": "trexton.onboard.sources.video:StreamSource",
     "video": "trexton.onboard.sources.recorded:VideoFile",
 }
@@ -59,7 +58,7 @@ def open_source(
             addressed = next(((each, "", address) for each in recognised), None)
         if addressed is None:
             raise ParameterError(
-                f"camera {address!r} is not known: give /dev/videoN, a flight or image folder, "
+                f"camera {address!r} is not known: give /dev/videoN, a flight's folder, "
                 "a video file or URL, simulator, or KIND:ADDRESS with KIND one of "
                 + ", ".join(addresses("sources", SOURCES))
             )

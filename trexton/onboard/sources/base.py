@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from trexton.base.errors import TrextonError
 from trexton.base.options import Options, option
 from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge
+from trexton.vision.rectification import Rectification
 
 __all__ = ["CameraLost", "Frame", "Playback", "Source", "Expected"]
 
@@ -40,6 +41,11 @@ class Frame:
     picture: np.ndarray | None
     number: int | None = None
     aiding: Aiding | None = None
+
+    def shifted(self, seconds: float) -> Frame:
+        """The same so many seconds later."""
+        aiding = None if self.aiding is None else self.aiding.shifted(seconds)
+        return replace(self, time=self.time + seconds, aiding=aiding)
 
 
 @dataclass(frozen=True)
@@ -86,10 +92,11 @@ class Source(Edge, ABC):
     pace = "fast"  # of one that is not live, unless `Playback` says another
     reopens = True  # whether a live one may be better for being opened again
     rectified = False  # whether its images are already as those the map was learned from
+    rectification: Rectification | None = None  # made to images of its size
     delay = 0.0  # seconds by which a live one's frames are old when they arrive
     gives: str | None = None  # "images" or "histograms", where that is known beforehand
     files: tuple[str, ...] = ()  # files and folders that are read: no output may go there
-    changes: tuple[Callable[[Frame], Frame], ...] = ()  # made to each frame once it is decoded
+    watch: Callable[[Frame], None] | None = None  # shown each frame before it is localized
 
     @staticmethod
     def matches(address: str) -> bool:

@@ -1,11 +1,13 @@
-"""Recordings: flights, folders of images, video files (`FlightSource`, `ImageFolder`,
-`VideoFile`); each says what one lap is, and `Recording` plays it as often as asked for."""
+"""Recordings: flights, video files, the virtual room (`FlightSource`, `VideoFile`,
+`SimulatorSource`). Each says what one lap is, `Recording` plays it as often as asked for, and
+`Paced` holds it to its own pace."""
 
 from __future__ import annotations
 
 import math
+import time
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,15 +15,12 @@ from typing import Any
 import cv2
 
 from trexton.base.errors import FlightError, ImageError
-from trexton.base.options import Options
+from trexton.base.streams import stream
 from trexton.flights import Flight, read_flight
 from trexton.onboard.sources.base import Expected, Frame, Playback, Source
-from trexton.onboard.sources.video import Pictures, StreamSource, is_stream
-from trexton.vision.images import natural_order, read_image
+from trexton.onboard.sources.video import Pictures
 
-__all__ = ["FlightSource", "ImageFolder", "Recording", "VideoFile"]
-
-SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+__all__ = ["FlightSource", "Paced", "Recording", "SimulatorSource", "VideoFile"]
 
 
 class Recording(Source):
@@ -54,9 +53,8 @@ class Recording(Source):
             for frame in self.lap():
                 began = began if frames else frame.time
                 frames, stamp, last = frames + 1, frame.time, frame.number
-                aiding = None if frame.aiding is None else frame.aiding.shifted(passed)
                 number = None if last is None else last + counted
-                yield replace(frame, time=stamp + passed, number=number, aiding=aiding)
+                yield replace(frame.shifted(passed), number=number)
             passed += (stamp - began) + (stamp - began) / max(frames - 1, 1)
             counted += 0 if last is None else last + 1
 
@@ -113,72 +111,33 @@ class FlightSource(Recording):
                 yield frame
 
 
-class ImageFolder(Recording):
-    """The images of a folder, `period_s` apart; an unreadable one is a frame that cannot be
-    decoded."""
+class VideoFile(Recording):
+    """A recorded video, or numbered images as OpenCV takes them for one; stamps by its frame
+    rate."""
 
     addresses = {
-        "images/": "a folder of images, in the order of the numbers in their names",
+        "floor.avi": "a video file, every frame of it",
+        "images/%04d.png": "numbered images, the first one 0 to 4",
     }
 
     @staticmethod
     def matches(address: str) -> bool:
-        return Path(address).is_dir()
+        return "%" in address or Path(address).is_file()
 
     @classmethod
     def make(cls, address: str, options: Playback, around: Expected) -> Source:
-        return cls(address, options, around)
+        return cls(address, options.laps, around.period_s)
 
-    def __init__(self, folder: str, options: Playback, around: Expected):
-        super().__init__(options.laps)
-        self.pictures = sorted(
-            (file for file in Path(folder).iterdir() if file.suffix.lower() in SUFFIXES),
-            key=natural_order,
-        )
-        if not self.pictures:
-            raise ImageError(
-                f"{folder}: no images ({', '.join(SUFFIXES)}): give a folder that holds some"
-            )
-        self.files, self.period_s = (folder,), around.period_s
-
-    def lap(self) -> Iterator[Frame]:
-        for row, file in enumerate(self.pictures):
-            try:
-                yield Frame(row * self.period_s, read_image(file))
-            except ImageError:
-                yield Frame(row * self.period_s, None)
-
-
-class VideoFile(Recording):
-    """A recorded video; stamps by its frame rate."""
-
-    addresses = {"floor.avi": "a video file, every frame of it"}
-
-    @staticmethod
-    def matches(address: str) -> bool:
-        return Path(address).is_file()
-
-    @classmethod
-    def make(cls, address: str, options: Playback, around: Expected) -> Source:
-        if is_stream(address) or address.startswith("/dev/"):
-            return StreamSource.make(address, Options(), around)
-        if not Path(address).is_file():
-            raise ImageError(
-                f"{address}: no such video: give a file, a URL or a GStreamer pipeline"
-            )
-        return cls(address, options, around)
-
-    def __init__(self, path: str, options: Playback, around: Expected):
-        super().__init__(options.laps)
-        self.path, self.around, self.files = path, around, (path,)
+    def __init__(self, path: str, laps: int = 1, period_s: float = 0.08):
+        super().__init__(laps)
+        self.path, self.period_s, self.files = path, period_s, (path,)
         self._capture: Any = None
 
     def open(self) -> None:
         self._capture = cv2.VideoCapture(self.path)
         if not self._capture.isOpened():
             raise ImageError(
-                f"{self.path}: not a video that OpenCV can open: "
-                "convert it, or give a folder of images"
+                f"{self.path}: not a video that OpenCV can open: convert it, or give another"
             )
 
     def lap(self) -> Iterator[Frame]:
@@ -186,7 +145,7 @@ class VideoFile(Recording):
             self.open()
         pictures = Pictures(self._capture, self.path)
         rate = self._capture.get(cv2.CAP_PROP_FPS)
-        period_s = 1 / rate if math.isfinite(rate) and rate > 0 else self.around.period_s
+        period_s = 1 / rate if math.isfinite(rate) and rate > 0 else self.period_s
         row = 0
         while (read := self._capture.read())[0]:
             yield Frame(row * period_s, pictures.picture(read[1]))
@@ -197,3 +156,80 @@ class VideoFile(Recording):
         if self._capture is not None:
             self._capture.release()
             self._capture = None
+
+
+class SimulatorSource(Recording):
+    """The virtual room, live: a vehicle on random waypoints over the painted hall, without end, and
+    what its camera sees each time it is asked.
+
+    Parameters
+    ----------
+    seed : int
+
+    Attributes
+    ----------
+    simulator : trexton.simulator.Simulator
+    """
+
+    pace = "stamps"
+    addresses = {"simulator": "the virtual room, live; `--seed` makes another flight"}
+
+    @staticmethod
+    def matches(address: str) -> bool:
+        return address == "simulator"
+
+    @classmethod
+    def make(cls, address: str, options: Playback, around: Expected) -> Source:
+        return cls(around.seed)
+
+    def __init__(self, seed: int = 1):
+        from trexton.simulator import Floor, Plan, Simulator, random_waypoints
+
+        super().__init__()
+        plan_rng, simulator_rng = stream(seed, "simulator").spawn(2)
+        floor = Floor.hall()
+        self._plan = Plan(random_waypoints(floor.area, plan_rng))
+        self.simulator = Simulator(floor, start=self._plan.start, speed=0.6, rng=simulator_rng)
+
+    def lap(self) -> Iterator[Frame]:
+        while True:
+            state = self.simulator.step(self._plan.goal(self.simulator.state.position))
+            yield Frame(state.time, self.simulator.render())
+
+
+class Paced(Source):
+    """Plays a recording at its own stamps, like a camera: who is slow misses frames.
+
+    Each frame is held back until its time has come, and stamped with the clock.
+
+    Parameters
+    ----------
+    source : Source
+        A recording.
+    clock, sleep : callable
+        Seconds.
+    """
+
+    reopens = False  # a recording would begin anew
+
+    def __init__(
+        self,
+        source: Source,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ):
+        self.source, self.gives, self.files = source, source.gives, source.files
+        self.rectified = source.rectified
+        self.open, self.close = source.open, source.close  # type: ignore[method-assign]
+        self._clock, self._sleep = clock, sleep
+        self._offset: float | None = None
+
+    def read(self) -> Frame | None:
+        frame = self.source.read()
+        if frame is None:
+            return None
+        if self._offset is None:
+            self._offset = self._clock() - frame.time
+        due = frame.time + self._offset
+        self._sleep(max(0.0, due - self._clock()))
+        return frame.shifted(self._clock() - frame.time)

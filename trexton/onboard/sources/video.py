@@ -1,5 +1,5 @@
-"""A live stream: any URL, pipe or device that OpenCV opens (`StreamSource`), and its pictures as
-they are localized (`Pictures`)."""
+"""Live cameras: any URL, pipe or device that OpenCV opens (`StreamSource`), a camera of the kernel
+with its UYVY bytes as they are (`V4l2Source`), and what is made of pictures (`Pictures`)."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ import numpy as np
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.options import Options
 from trexton.onboard.sources.base import CameraLost, Expected, Frame, Source
-from trexton.vision.images import check_capture, decode_image, yuv_from_bgr
+from trexton.vision.images import check_capture, decode_image, yuv_from_bgr, yuv_from_uyvy
 
-__all__ = ["Pictures", "StreamSource", "is_stream"]
+__all__ = ["Pictures", "StreamSource", "V4l2Source", "is_stream"]
 
 Capture = Callable[..., Any]
 JPEG = b"\xff\xd8"
@@ -117,3 +117,65 @@ class StreamSource(Source):
         if self._capture is not None:
             self._capture.release()
             self._capture = None
+
+
+class V4l2Source(StreamSource):
+    """Packed 4:2:2 frames of a V4L2 device, with no way round through BGR; YUYV is the same pairs
+    of bytes turned round.
+
+    Parameters
+    ----------
+    device : str
+    shape : (rows, columns) or None
+        The image size to ask for.
+    more
+        As for `StreamSource`.
+    """
+
+    addresses = {
+        "/dev/video0": "a V4L2 camera, asked for UYVY at the map's size; its bytes as they are",
+    }
+
+    @staticmethod
+    def matches(address: str) -> bool:
+        return re.fullmatch(r"/dev/video\d+", address) is not None
+
+    @classmethod
+    def make(cls, address: str, options: Options, around: Expected) -> V4l2Source:
+        return cls(address, around.shape)
+
+    def __init__(self, device: str, shape: tuple[int, int] | None, *more: Any):
+        super().__init__(device, *more)
+        self.shape, self._reversed = shape, False
+
+    def open(self) -> None:
+        capture = self._make_capture(self.address, cv2.CAP_V4L2)
+        if not capture.isOpened():
+            raise CameraLost(
+                f"{self.address}: cannot be opened: "
+                "check cable, permissions, and that nobody else uses it"
+            )
+        capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"UYVY"))
+        if self.shape is not None:
+            rows, columns = self.shape
+            capture.set(cv2.CAP_PROP_FRAME_WIDTH, columns)
+            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, rows)
+        capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
+        code = int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little").decode("latin-1")
+        if code not in ("UYVY", "YUYV"):
+            capture.release()
+            raise CameraLost(
+                f"{self.address}: gives {code!r} frames: UYVY or YUYV expected; "
+                f"open it as stream:{self.address}"
+            )
+        self._capture, self._reversed = capture, code == "YUYV"
+
+    def decoded(self, frame: Frame) -> Frame:
+        picture = frame.picture
+        try:
+            if picture is not None:
+                picture = yuv_from_uyvy(picture[..., ::-1] if self._reversed else picture)
+        except (ImageError, IndexError):
+            picture = None
+        return replace(frame, picture=picture)
