@@ -141,6 +141,8 @@ def template_environment() -> Environment:
         comment_end_string="##}",
         autoescape=False,
     )
-    filters = {"fixed": fixed, "span": span, "text": text, "number": number, "percent": percent}
-    environment.filters |= filters
+    environment.filters |= {
+        "fixed": fixed, "span": span, "text": text, "number": number, "percent": percent,
+        "interval": interval,
+    }  # fmt: skip
     return environment

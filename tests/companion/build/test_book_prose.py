@@ -13,84 +13,36 @@ from conftest import ROOT
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
-from trexton.companion.build.headlines import headlines
 from trexton.companion.build.notebook import show_table
 from trexton.companion.build.pages import figure_names, joined
 from trexton.companion.build.paper_map import load_map, map_table
-from trexton.companion.build.prose import context, records_by_name
+from trexton.companion.build.prose import context, findings, records_by_name
 from trexton.companion.claims.ledger import load_claims
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.registry import flight_title
 
 
-def entry(middle, low=None, high=None):
-    return {"value": middle, "low": middle if low is None else low, "high": high or middle}
+LANDING = {"inside": 13, "landings": 38, "attempts": 50, "never_triggered": 12,
+           "perfect": {"inside": 41, "landings": 45}, "first_flights": {"inside": 2}}  # fmt: skip
 
 
-def mocap(axis, error, knn, within, wide):
-    one = {
-        "axis_mean_cm": entry(axis, axis - 9, axis + 9),
-        "mean_cm": entry(error, error - 5, error + 5),
-    }
-    return {
-        "filter": one,
-        "knn": {"mean_cm": entry(knn, knn - 3, knn + 3)},
-        "lag": {"s": 1.5},
-        "spread": {"within_two": entry(within), "frames_wider_than_landing": wide},
-        "counts": {"test": 300},
-    }
-
-
-LANDING = {"inside": 13, "landings": 38, "attempts": 50, "perfect": {"inside": 41}}
-
-
-def numbers(text):
-    return [float(each.replace(",", "")) for each in re.findall(r"-?\d[\d,]*\.?\d*", text)]
-
-
-def test_the_first_page_says_what_the_records_say():
-    records = {
-        "cyberzoo": {"mocap_training": mocap(57, 87, 33, 0.57, 1)},
-        "sim-survey": {
-            "mocap_training": mocap(68, 102, 48, 0.22, 0.5),
-            "triggered_landing": LANDING,
-        },
-    }
-    accuracy, filtered, spread, landing = headlines(records)
-    assert accuracy.page == filtered.page == spread.page == "mocap_training"
-    assert accuracy.text == (
-        "The paper's accuracy of 60 cm an axis is reproduced on the authors' real flight (if its "
-        "unit is the centimetre) and in the virtual hall."
-    )
-    assert "has a larger error than the plain mean" in filtered.text
-    assert "overconfident" in spread.text and numbers(spread.text) == [57, 22, 95]
-    assert landing.page == "triggered_landing" and numbers(landing.text) == [13, 50, 41]
-
-
-def test_a_method_beyond_the_paper_takes_the_third_place():
-    field = {"mean_cm": entry(21, 18, 25), "held": entry(0.88, 0.8, 0.95)}
-    beyond = {"field": field, "paper": {"mean_cm": entry(87, 55, 126)}}
-    records = {"cyberzoo": {"beyond": beyond}}
-    (better,) = headlines(records)
-    assert "The field of histograms has a smaller error than the paper's filter" in better.text
-    assert better.page == "beyond" and numbers(better.text) == [90, 88]
-    field["mean_cm"] = entry(70, 50, 90)
-    assert "no clearly larger error than the paper's filter" in headlines(records)[0].text
-
-
-def test_other_records_give_other_verdicts():
-    records = {"sim-survey": {"mocap_training": mocap(20, 25, 40, 0.95, 9)}}
-    accuracy, filtered, spread = headlines(records)
-    assert "does not hold" in accuracy.text and "real flight" not in accuracy.text
-    assert "has a smaller error" in filtered.text
-    assert "say how large the errors are" in spread.text
-    records["cyberzoo"] = {"mocap_training": mocap(58, 90, 30, 0.5, 0)}
-    accuracy, filtered, spread = headlines(records)
-    assert "holds in part on the authors' real flight (if its unit is" in accuracy.text
-    assert "a larger, elsewhere a smaller error than the plain mean" in filtered.text
-    assert "overconfident" in spread.text
-    assert headlines({}) == []
+def test_the_first_page_says_what_its_pages_found(results):
+    records = {"sim-survey": {"triggered_landing": {}}, "cyberzoo": {}}
+    said = findings(results, records)
+    assert said == [
+        {
+            "page": "triggered_landing",
+            "flight": "Virtual hall (simulated)",
+            "text": "13 of 50 flights ended inside the zone.",
+        }
+    ]
+    records["cyberzoo"]["triggered_landing"] = {}
+    assert "real" in findings(results, records)[0]["flight"]
+    assert findings(results, {}) == []
+    kept = Record.load(ROOT / "data" / "reference" / "fine.json").values["floors"]
+    (fine,) = findings(results, {"sim-survey": {"fine": {}}})
+    assert fine["text"].startswith(f"Over {len(kept)} floors") and fine["flight"] == ""
 
 
 def test_every_claim_stands_in_one_item_of_the_paper_map(tmp_path):
@@ -129,7 +81,7 @@ def test_the_map_shows_theirs_beside_ours_with_links_to_pages_that_are_there(res
     assert '<abbr title="Four of six triggered landings end inside the zone">' in cells[2]
     assert "not testable here" in cells[3] and "0.66" in cells[4] and "reproduced" in cells[4]
     assert table.splitlines()[0].count("|") == row.count("|")
-    assert names["version"] and names["headlines"][0].page == "triggered_landing"
+    assert names["version"] and names["findings"][0]["page"] == "triggered_landing"
     assert "Table, homography baseline" in map_table({}, lambda page, text: text)
 
 
@@ -160,7 +112,7 @@ def code(source, *shown, figure=False):
 
 def room(number):
     """The notebook of one flight, its numbers its own."""
-    table = show_table(pd.DataFrame({"x": [number]}), "Table 1. Axes.", "axes").data
+    table = show_table(pd.DataFrame({"x": [number]}), "Axes.", "axes").data
     return nbformat.v4.new_notebook(
         cells=[
             markdown(
@@ -185,7 +137,7 @@ def test_flights_share_a_page_and_what_differs_is_labelled():
     texts = [cell.source for cell in page.cells if cell.cell_type == "markdown"]
     assert texts[0] == "# Page\n\nOn." and texts[1] == (
         "(overview)=\n## A finding\n\nSee {numref}`overview-cyberzoo-floor`, <trade_off: all>, "
-        '<a class="to-table" href="#overview-cyberzoo-axes">this</a>.'
+        '<a href="#overview-cyberzoo-axes">this</a>.'
     )
     assert "```python\n# a comment\n```\n\n### How" in texts  # the page has the first rank
     shown = [list(o.data.values())[0] for c in page.cells for o in c.get("outputs", ())]

@@ -103,15 +103,20 @@ def test_titles_are_told_apart(book):
 
 def test_links_and_downloads_answer(book, host, browser):
     context = browser.new_context()
+    pages = {path.resolve(): path.read_text() for path in book.rglob("*.html")}
+    anchors = {path: set(re.findall(r'\b(?:id|name)="([^"]+)"', pages[path])) for path in pages}
     asked: set[str] = set()
-    for path in sorted(book.rglob("*.html")):
+    dead: list[str] = []
+    for path, text in pages.items():
         if "_static" in path.parts:
             continue
-        for link in re.findall(r'href="([^"#?]+)[^"]*"', path.read_text()):
+        for link, anchor in re.findall(r'href="([^"#?]*)(?:#([^"]+))?"', text):
             if re.match(r"[a-z]+:|//", link):
                 continue
-            target = (path.parent / link).resolve()
+            target = (path.parent / link).resolve() if link else path
             asked.add(str(target.relative_to(book.resolve())))
+            if anchor and anchor not in anchors.get(target, {anchor}):
+                dead.append(f"{path.name}: {link}#{anchor}")
     bad = [link for link in sorted(asked) if not context.request.head(host + link).ok]
     context.close()
-    assert asked and bad == []
+    assert asked and bad == [] and dead == []

@@ -75,11 +75,15 @@ def test_results_stay_below_the_working_folder(names, tmp_path):
 def test_the_footer_says_the_command_that_makes_it_again(names):
     given = notebook.given(mocap_training.Parameters, names | {"test_flight": "a b", "samples": 9})
     record = given.parameters.record(small_flight(), values={})
-    command = notebook.Page(record, given).command()
+    page = notebook.Page(record, given)
+    command = page.command()
     assert command == (
         "trexton run room --test-flight &#x27;a b&#x27; --only mocap_training --set samples=9 "
         "--out my-results"
     )
+    (page.folder / "mocap_training-floor.svg").write_text("")
+    for file in ("mocap_training.json", "mocap_training.ipynb", "mocap_training-floor.svg"):
+        assert f'href="{record.flight}/{file}"' in page.footer().data
 
 
 @pytest.fixture
@@ -94,7 +98,7 @@ def page(names):
 def test_quantities_are_rounded_and_the_absent_left_out(page):
     html = page.quantities({"Frames": "frames", "Share": "share", "None": "no.such"}, "c & d").data
     assert re.findall("<td>(.*?)</td>", html) == ["Frames", "12,345", "Share", "0.123"]
-    assert "<caption>Table 1. c &amp; d</caption>" in html
+    assert "<caption>c &amp; d</caption>" in html
 
 
 def test_errors_stand_beside_the_papers_with_their_intervals(page):

@@ -13,13 +13,7 @@ from trexton.base.errors import DataError
 
 __all__ = ["is_figure", "inline_figure"]
 
-_PICTURE = re.compile(r'"data:image/png;base64,\s*([^"]+)"')
-_MARK = r'<use href="{}" x="[^"]+" y="[^"]+" style="{}"/>'
-_MARKS = re.compile(
-    _MARK.format('(?P<mark>[^"]+)', '(?P<style>[^"]+)')
-    + rf"(?:\s*{_MARK.format('(?P=mark)', '(?P=style)')})+"
-)
-_LIGHTER = 20_000  # characters from which a picture is worth compressing
+_PICTURE = re.compile(r'"data:image/png;base64,\s*([^"]{20000,})"')  # worth compressing
 _QUALITY = 72
 _NARROW = 400  # points, up to which a figure can be read on a phone as it is
 
@@ -50,11 +44,10 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
     if start < 0:
         raise DataError(f"figure {name}: no SVG: run its experiment again")
     body = re.sub(r"<metadata>.*?</metadata>", "", svg[start:], flags=re.DOTALL)
-    body = _with_short_names(body)
+    body = body.replace("xlink:href=", "href=")
     body = re.sub(r'\b(id|href)="(#?)([^":]+)"', rf'\1="\2{name}-\3"', body)
     body = body.replace("url(#", f"url(#{name}-")
     body = re.sub(r"#[0-9a-fA-F]{6}\b(?!-)", _themed, body)
-    body = _MARKS.sub(_styled_once, body)
     body = _PICTURE.sub(_lighter, body)
     for side in ("width", "height"):  # points to the pixels that a browser counts in
         body = re.sub(
@@ -69,20 +62,6 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
     return body.replace("<svg", label, 1).replace("\n", " ")
 
 
-def _with_short_names(body: str) -> str:
-    """Marks are named by a hash, some thousand times; a number will do."""
-    hashes = dict.fromkeys(re.findall(r'(?<=id=")m[0-9a-f]{10}(?=")', body))
-    for index, name in enumerate(hashes):
-        body = body.replace(f'"{name}"', f'"m{index}"').replace(f'"#{name}"', f'"#m{index}"')
-    return body.replace("xlink:href=", "href=")
-
-
-def _styled_once(match: re.Match[str]) -> str:
-    """Marks of one kind: their style stands on the group, not on each of some thousand."""
-    style = f' style="{match["style"]}"'
-    return f"<g{style}>{match[0].replace(style, '')}</g>"
-
-
 def _themed(match: re.Match[str]) -> str:
     """A colour that a theme may change: grey and black turn round in the dark, hues get lighter."""
     color = match[0].lower()
@@ -90,14 +69,7 @@ def _themed(match: re.Match[str]) -> str:
 
 
 def _lighter(match: re.Match[str]) -> str:
-    data = match[1].replace("\n", "").replace(" ", "")
-    if len(data) < _LIGHTER:
-        return match[0]
-    raw = np.frombuffer(base64.b64decode(data), np.uint8)
+    raw = np.frombuffer(base64.b64decode(match[1]), np.uint8)
     picture = cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
-    if picture is None:
-        return match[0]
     coded = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1].tobytes()
-    if len(coded) >= len(raw):
-        return match[0]
     return f'"data:image/webp;base64,{base64.b64encode(coded).decode()}"'

@@ -19,14 +19,12 @@ from trexton.base.files import atomic_file, digest, put_in_place, work_folder
 from trexton.base.progress import say
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.headlines import headlines
-from trexton.companion.build.link_check import audit
 from trexton.companion.build.notebooks import outputs_of
 from trexton.companion.build.plan import run_experiments, sole_writer
 from trexton.companion.build.postprocessing import finish_book
 from trexton.companion.build.prepare_flights import prepare_flights
-from trexton.companion.build.prose import records_by_name
-from trexton.companion.build.readme import is_current
+from trexton.companion.build.prose import findings, records_by_name
+from trexton.companion.build.readme import renewed
 from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
 
 _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2mathml")
@@ -36,11 +34,11 @@ __all__ = ["Made", "build_small_book", "make_book"]
 
 @dataclass
 class Made:
-    """What `make_book` did, and the headlines, as sentences; outcomes; where the book is."""
+    """What `make_book` did, and what was found, as sentences; outcomes; where the book is."""
 
     index: Path
     said: list[str] = field(default_factory=list)
-    headlines: list[str] = field(default_factory=list)
+    findings: list[str] = field(default_factory=list)
     outcomes: list[Outcome] = field(default_factory=list)
 
     @property
@@ -62,7 +60,7 @@ def make_book(
     Raises
     ------
     TrextonError
-        Outside a clone, or where Jupyter Book or the audit of its pages finds a fault.
+        Outside a clone, or where Jupyter Book finds a fault.
     """
     root = repository_root()
     if root is None:
@@ -86,8 +84,10 @@ def make_book(
     contents = replace(contents, outcomes=outcomes)
     made = Made(html / "index.html", prepared.said, outcomes=outcomes)
     made.said.append(_build(contents, made.index.parent))
-    made.headlines += [each.text for each in headlines(records_by_name(results, outcomes))]
-    if not quick and not is_current(Path("README.md"), results):
+    found = findings(results, records_by_name(results, outcomes))
+    made.findings += [" ".join(filter(None, (each["text"], each["flight"]))) for each in found]
+    readme = Path("README.md").read_text(encoding="utf-8")
+    if not quick and not prepared.absent and renewed(readme, results) != readme:
         made.said.append(
             "README.md has other numbers than these results: "
             "python -m trexton.companion.build.readme renews it"
@@ -108,7 +108,7 @@ def build_small_book(
     Raises
     ------
     TrextonError
-        Another run is writing to `results`, or Jupyter Book or the audit finds a fault.
+        Another run is writing to `results`, or Jupyter Book finds a fault.
     """
     place = shipped("notebooks") if notebooks is None else Path(notebooks)
     contents = Contents(shipped("book"), place, results, pairs, outcomes, toc_file="_toc_small.yml")
@@ -137,8 +137,6 @@ def _build(contents: Contents, html: Path) -> str:
         _put_beside(contents, built)
         finish_book(built)
         lead_from_old_addresses(contents, built)
-        if faults := audit(built.resolve()):
-            raise TrextonError("the built book has faults:\n" + "\n".join(faults))
         put_in_place(built, html)
     with atomic_file(stamp) as stream:
         stream.write(key)
@@ -189,12 +187,9 @@ def _jupyter_book(source: Path, work: Path) -> Path:
 
 
 def _put_beside(contents: Contents, built: Path) -> None:
-    """Downloads beside the pages that offer them: what the run left, and the notebook as text."""
+    """Downloads beside the pages that offer them: what the run left."""
     for flight in ["", *(pair.name for pair in contents.pairs)]:
         for name in contents.good(flight):
             (built / flight).mkdir(exist_ok=True)
             for path in outputs_of(contents.results / flight, name):
                 shutil.copyfile(path, built / flight / path.name)
-            text = contents.notebooks / f"{name}.md"
-            if text.is_file():
-                shutil.copyfile(text, built / flight / text.name)

@@ -54,7 +54,6 @@ class Page:
     def __init__(self, record: Record, given: Given):
         self.record, self.given = record, given
         self.folder = Path(given.out) / record.flight
-        self._tables = 0
         record.save(self.folder)
 
     def show(self, name: str, figure: Figure) -> SVG:
@@ -146,16 +145,12 @@ class Page:
             if (path := self.folder / f"{name}.json").exists():
                 records[name] = Record.load(path)
         mine = [claim for claim in load_claims() if claim.experiment == self.record.experiment]
-        self._tables += 1
-        caption = f"Table {self._tables}. What the paper claims, and our test of it."
-        return HTML(claims_html(judge_all({self.record.flight: records}, mine), caption))
+        rows = judge_all({self.record.flight: records}, mine)
+        return HTML(claims_html(rows, "What the paper claims, and our test of it."))
 
     def frame(self, table: pd.DataFrame, caption: str, name: str = "") -> HTML:
-        """A table with its caption, numbered within the page; text refers to it by its name, as in
-        ``[the table](#name)``.
-        """
-        self._tables += 1
-        return show_table(table, f"Table {self._tables}. {caption}", name)
+        """A table with its caption; text refers to it by its name: ``[the table](#name)``."""
+        return show_table(table, caption, name)
 
     def table(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
         """Errors per axis beside the paper's: in cm, or all in metres where they are that large.
@@ -206,12 +201,19 @@ class Page:
         return self.frame(pd.DataFrame(table), caption, name)
 
     def footer(self) -> HTML:
-        """The command that runs this experiment again, its parameters; the book adds downloads."""
+        """The command that runs this experiment again, its parameters, and what it leaves."""
+        name = f"{self.record.flight}/{self.record.experiment}"
+        kept = {"record": f"{name}.json", "notebook": f"{name}.ipynb"}
+        for path in sorted(self.folder.glob(f"{self.record.experiment}-*")):
+            if path.suffix in (".svg", ".png"):
+                words = path.name.removeprefix(f"{self.record.experiment}-")
+                kept[words] = f"{self.record.flight}/{path.name}"
+        files = [f'<a href="{file}" download="">{words}</a>' for words, file in kept.items()]
         settings = ", ".join(f"{key} = {value}" for key, value in self.record.parameters.items())
         return HTML(
             f"<details class='again'><summary>Run it again: command, parameters, files</summary>"
             f'<pre class="command">{self.command()}</pre><p>Parameters: {settings}.</p>'
-            f'<p class="downloads" data-of="{self.record.flight}/{self.record.experiment}"></p>'
+            f'<p class="downloads">Take home: {" · ".join(files)}</p>'
             "</details>"
         )
 
@@ -258,5 +260,5 @@ def _number(value: float | None) -> str:
 def ledger(out: str) -> tuple[HTML, HTML]:
     """Judge all records below `out`, write ``claims.json``; counts of verdicts, and the ledger."""
     rows = write_ledger(Path(out))
-    table = claims_html(rows, "Table 2. Every claim of the paper, and our test of it.")
-    return HTML(counts_html(rows, "Table 1. Verdicts by flight.")), HTML(filters_html(rows) + table)
+    table = claims_html(rows, "Every claim of the paper, and our test of it.")
+    return HTML(counts_html(rows, "Verdicts by flight.")), HTML(filters_html(rows) + table)

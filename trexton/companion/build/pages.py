@@ -153,7 +153,7 @@ class _Page:
             own = [_name(experiment, each, match["here"]) for each in (flight, *flights)]
             if figure := next((name for name in own if name in figures), None):
                 return f"{{numref}}`{figure}`"
-            return f'<a class="to-table" href="#{own[0]}">{match["words"]}</a>'
+            return f'<a href="#{own[0]}">{match["words"]}</a>'
 
         if cell.cell_type == "markdown":
             cell.source = _LINK.sub(link, cell.source)

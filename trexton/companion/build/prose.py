@@ -6,7 +6,9 @@ absent stands in ``{% if %}``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -14,12 +16,11 @@ from typing import Any
 import jinja2
 
 import trexton
+from trexton.base.cache import shipped
 from trexton.base.errors import DataError
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
-from trexton.companion.build.headlines import headlines
 from trexton.companion.build.paper_map import map_table
-from trexton.companion.build.readme import door_table
 from trexton.companion.claims.ledger import load_records
 from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import published
@@ -27,15 +28,21 @@ from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import kept_results
 from trexton.companion.wording import Tree, template_environment
 from trexton.flights.importers import describe
+from trexton.flights.registry import flight_title
 from trexton.localization.landing import TouchdownZone
 from trexton.localization.training_set import EXCLUDED_SECONDS
 from trexton.onboard.edges import Edge, classes_of_options, edge_classes
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import SOURCES
 
-__all__ = ["context", "public_names", "records_by_name", "render"]
+__all__ = [
+    "FLIGHTS", "Values", "context", "door", "findings", "public_names", "records_by_name", "render"
+]  # fmt: skip
 
 See = Callable[[str, str], str]
+Values = Mapping[str, Mapping[str, Any]]  # of the records by flight and experiment
+FLIGHTS = ("cyberzoo", "sim-survey")  # of the book, the real one first
+_FINDINGS = ("mocap_training", "triggered_landing", "beyond", "fine", "uncertainty")
 
 
 def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tree]:
@@ -50,7 +57,7 @@ def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tre
     return {flight: Tree(experiments) for flight, experiments in values_by_flight.items()}
 
 
-def context(results: Path, values: Mapping[str, Mapping[str, Any]], see: See) -> dict[str, Any]:
+def context(results: Path, values: Values, see: See) -> dict[str, Any]:
     """The names that every page may use.
 
     Parameters
@@ -75,8 +82,8 @@ def context(results: Path, values: Mapping[str, Mapping[str, Any]], see: See) ->
         "sim": values.get("sim-survey", {}),
         "cyberzoo": values.get("cyberzoo", {}),
         "see": see,
-        "headlines": headlines(values),
-        "door": door_table(results),
+        "findings": findings(results, values),
+        "door": partial(door, values),
         "kept": kept_records(),
         "paper": Tree(published()),
         "paper_map": paper_map,
@@ -88,6 +95,26 @@ def context(results: Path, values: Mapping[str, Mapping[str, Any]], see: See) ->
         "touchdown": TouchdownZone((0.0, 0.0)),  # what it asks for by default
         "public_names": public_names(),
     }
+
+
+def findings(results: Path, values: Values) -> list[dict[str, str]]:
+    """The first sentences of some pages: of the kept long run, or of the real flight if it can."""
+    kept, said = {path.stem: path for path in kept_results()}, []
+    for name in _FINDINGS:
+        say = EXPERIMENTS[name].finding
+        flight = next((each for each in FLIGHTS if name in values.get(each, {})), None)
+        if flight and say:
+            record = Record.load(kept.get(name, results / flight / f"{name}.json"))
+            sentence = re.split(r"(?<=[.]) (?=[A-Z0-9])", say(record))[0]
+            where = "" if name in kept else flight_title(flight)
+            said.append({"page": name, "flight": where, "text": sentence})
+    return said
+
+
+def door(values: Values) -> str:
+    """The table of results that the first page shows, and the README."""
+    names = {"kept": kept_records(), "cyberzoo": values.get("cyberzoo", {})}
+    return render(shipped("book") / "door.md", names)
 
 
 def kept_records() -> Tree:

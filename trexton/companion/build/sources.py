@@ -17,10 +17,9 @@ from trexton.base.errors import DataError
 from trexton.companion.build.console_output import with_output
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.headlines import PLACES
 from trexton.companion.build.notebooks import outputs_of
 from trexton.companion.build.pages import figure_names, joined, label_of
-from trexton.companion.build.prose import context, records_by_name, render
+from trexton.companion.build.prose import FLIGHTS, context, records_by_name, render
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.frames import ImageFiles
 
@@ -67,7 +66,7 @@ class Contents:
         """Executed notebooks by experiment and flight, the book's real flight first."""
         names = [pair.name for pair in self.pairs]
         notebooks: dict[str, dict[str, nbformat.NotebookNode]] = {}
-        for flight in ["", *sorted(names, key=lambda name: name not in list(PLACES)[:1])]:
+        for flight in ["", *sorted(names, key=lambda name: name not in FLIGHTS[:1])]:
             for name in self.good(flight):
                 path = self.results / flight / f"{name}.ipynb"
                 if path.is_file():
@@ -223,7 +222,7 @@ def lead_from_old_addresses(contents: Contents, html: Path) -> None:
     for old, page in contents.toc.get("moved", {}).items():
         moved.setdefault(old, f"{page}.html")
     for old, new in moved.items():
-        for flight in PLACES if old.startswith("*") else [""]:
+        for flight in FLIGHTS if old.startswith("*") else [""]:
             path = html / f"{old.replace('*', flight)}.html"
             if new.partition("#")[0].removesuffix(".html") in contents.pages and not path.exists():
                 path.parent.mkdir(exist_ok=True)

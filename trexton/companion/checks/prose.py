@@ -116,8 +116,8 @@ def measure(path: Path) -> Prose:
     environment.filters = environment.filters | unchanged | fixed
     filled = environment.from_string(text).render(
         see=lambda page, words: words,
-        headlines=[{"page": "", "text": "A finding."}],
-        door="",
+        findings=[{"page": "", "flight": "", "text": "A finding."}],
+        door=str,
         first_figure=str,
     )
     page = Prose(path.stem, [], [])

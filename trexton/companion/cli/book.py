@@ -28,6 +28,6 @@ def run(arguments: argparse.Namespace) -> int:
     print(
         f"\nThe book, made in {time.monotonic() - started:.0f} s: open {made.index} in a browser."
     )
-    for sentence in made.headlines:
+    for sentence in made.findings:
         print(f"- {sentence}")
     return int(made.failed)
