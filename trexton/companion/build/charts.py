@@ -71,5 +71,6 @@ def _themed(match: re.Match[str]) -> str:
 def _lighter(match: re.Match[str]) -> str:
     raw = np.frombuffer(base64.b64decode(match[1]), np.uint8)
     picture = cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
+    assert picture is not None  # matplotlib wrote it
     coded = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1].tobytes()
     return f'"data:image/webp;base64,{base64.b64encode(coded).decode()}"'
