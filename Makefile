@@ -14,7 +14,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench verify full lab lock crate sbom audit clean rooms
+.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench full lab lock crate sbom audit clean rooms
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -75,9 +75,6 @@ mutation: env  ## faults put into five core modules: the share that a test notic
 
 bench: env  ## speed of every stage, as ratios within one run
 	@$(BIN)/trexton bench $(ARGS)
-
-verify: env  ## run the experiments of the committed reference values again, and compare
-	@$(BIN)/trexton verify $(ARGS)
 
 full: env  ## the long sweeps of data/sweeps, coarse to fine, landings, aiding and survey density over many floors, results to data/reference
 	@for plan in data/sweeps/*.toml; do name=$$(basename $$plan .toml); \

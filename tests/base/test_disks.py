@@ -7,16 +7,13 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import json
 import os
 from dataclasses import replace
 
 import pytest
 from small_room import histogram_flight, picture_flight
 
-from trexton.base.errors import TrextonError
 from trexton.cli.main import main
-from trexton.companion.checks.verify import Verdict, update
 from trexton.flights import write_flight
 from trexton.onboard import voice
 
@@ -147,17 +144,3 @@ def test_one_sentence_and_the_old_result_stays(
     elif name not in ("run", "report", "sweep"):
         assert len(said) == 1 and str(disk.place) in said[0], said
     assert {name: digest for name, digest in disk.state().items() if name in before} == before
-
-
-def test_reference_values_are_kept(disk):
-    path = disk.place / "verify-x.json"
-    content = {"schema": 2, "experiment": "x", "flight": "x", "provenance": {"simulated": {}}}
-    content |= {name: {} for name in ("parameters", "values", "series", "images")}
-    path.write_text(json.dumps(content))
-    before = disk.state()
-    verdict = Verdict(path, ["values.a: 1 -> 2"], [], {"provenance": {}, "values": {"a": 2}})
-    for spoil in (disk.fill, disk.read_only):
-        spoil()
-        with pytest.raises((TrextonError, OSError), match="verify-x.json"):
-            update(verdict)
-        assert disk.state() == before

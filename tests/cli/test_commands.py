@@ -6,9 +6,8 @@ import io
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from conftest import mocap_record, small_flight
+from conftest import small_flight
 from small_loop import make_flight
 
 import trexton.companion.build.make
@@ -159,17 +158,6 @@ def test_report_makes_its_book_of_the_pages_that_were_asked_for(tmp_path, monkey
     words = ["report", str(tmp_path / "loop"), "--test-flight", str(tmp_path / "other")]
     assert cli.main([*words, "--out", str(tmp_path / "out")]) == 0
     assert f"book of {tmp_path / 'out'}\n" in capsys.readouterr().out
-
-
-def test_claims_prints_every_claim_and_its_verdicts(tmp_path, capsys):
-    for flight, value in (("a", 61.0), ("b", np.nan)):
-        mocap_record(flight, value).save(tmp_path / flight)
-    assert cli.main(["claims", str(tmp_path)]) == 0
-    told = capsys.readouterr().out
-    assert "\n    printed: 61 cm\n" in told and "\n    a: 61 [61, 61]: reproduced" in told
-    assert "\n    b: -: not testable" in told
-    assert told.splitlines()[-1] == f"written to {tmp_path / 'claims.json'}"
-    assert (tmp_path / "claims.json").is_file()
 
 
 class Terminal(io.StringIO):
