@@ -12,7 +12,7 @@ from pathlib import Path
 from conftest import ROOT
 from patience import eventually
 
-from trexton.companion.executor import connect
+from trexton.companion.build.workers import connect
 
 __all__ = ["Cluster"]
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from conftest import ROOT
 from patience import alive, eventually
 
-from trexton.companion.executor import CLUSTER, PROCESSES, limited, spread, working_on
+from trexton.companion.executor import PROCESSES, limited, spread, working_on
 
 
 def double(item: int) -> int:
@@ -25,11 +25,11 @@ def linger(folder: str) -> None:
 
 
 def test_results_come_in_order_and_the_choice_is_put_back():
-    before = {name: os.environ.get(name) for name in (CLUSTER, PROCESSES)}
+    before = os.environ.get(PROCESSES)
     with working_on(processes=3):
         assert spread(double, range(5)) == [0, 2, 4, 6, 8]
         assert spread(double, []) == []
-    assert before == {name: os.environ.get(name) for name in (CLUSTER, PROCESSES)}
+    assert before == os.environ.get(PROCESSES)
 
 
 def test_threads_are_limited_for_what_is_started_and_put_back():

@@ -27,7 +27,7 @@ HEAVY = (
     "ipykernel",
     "jupyter_core",
     "nbformat",
-    "papermill",
+    "nbclient",
     "sklearn",
     "pooch",
     "tqdm",

@@ -9,7 +9,6 @@ import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -26,11 +25,9 @@ from tiny_notebooks import BODY, write_notebook
 
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.cli.main import main
-from trexton.companion.build.execution import Job, execute
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
-from trexton.companion.build.workers import workers
-from trexton.companion.executor import TLS_VARIABLES, connect, environment, spread, working_on
+from trexton.companion.build.workers import connect, workers
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights import write_flight
 
@@ -63,12 +60,11 @@ def killer(folder: str, item: int) -> int:
     return item * item
 
 
-def test_spread_gives_the_same_everywhere(cluster):
-    here = spread(partial(scaled, 2.0), range(7))
-    with working_on(processes=2):
-        beside = spread(partial(scaled, 2.0), range(7))
-    with working_on(cluster=cluster.address):
-        there = spread(partial(scaled, 2.0), range(7))
+def test_calls_give_the_same_everywhere(cluster):
+    here, beside, there = [scaled(2.0, item) for item in range(7)], [], []
+    for address, left in ((None, beside), (cluster.address, there)):
+        with workers(address, 2) as crew, crew.calls() as call:
+            left += [call(scaled, 2.0, item) for item in range(7)]
     assert np.array_equal(here, beside) and np.array_equal(here, there)
 
 
@@ -98,7 +94,7 @@ def test_nothing_answers_or_nobody_works(flight, tmp_path):
 
 def test_what_is_no_scheduler_is_told_at_once(monkeypatch):
     """The address of the dashboard, or of another server, was waited for without end."""
-    monkeypatch.setattr("trexton.companion.executor._GREETING_S", 0.2)
+    monkeypatch.setattr("trexton.companion.build.workers._GREETING_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         port = silent.getsockname()[1]
         for address in (f"tcp://127.0.0.1:{port}", f"http://127.0.0.1:{port}"):
@@ -109,8 +105,10 @@ def test_what_is_no_scheduler_is_told_at_once(monkeypatch):
 def test_a_killed_worker_costs_only_its_task(cluster, tmp_path):
     """One of the workers is killed by a task; it alone is done again, by another."""
     before = cluster.alive
-    with working_on(cluster=cluster.address):
-        assert spread(partial(killer, str(tmp_path)), range(6)) == [0, 1, 4, 9, 16, 25]
+    with workers(cluster.address, None) as crew, crew.calls() as call:
+        with ThreadPoolExecutor() as pool:
+            done = pool.map(partial(call, killer, str(tmp_path)), range(6))
+            assert list(done) == [0, 1, 4, 9, 16, 25]
     assert (tmp_path / "died").exists()
     assert cluster.alive == before - 1
 
@@ -143,23 +141,6 @@ def begun(mark: str, wait_s: float) -> str:
     return "done"
 
 
-def test_a_cluster_without_workers_is_waited_for_with_a_word(tmp_path, monkeypatch, capsys):
-    """As at the end of a job's time."""
-    monkeypatch.setattr("trexton.companion.build.workers._WATCH_S", 0.5)
-    mark, scheduler = tmp_path / "begun", ["--scheduler-file", tmp_path / "scheduler.json"]
-    with Cluster(tmp_path, workers=1) as own:
-        with workers(own.address, None) as crew, crew.calls() as call, ThreadPoolExecutor() as pool:
-            task = pool.submit(call, begun, str(mark), 5.0)
-            assert eventually(lambda: mark.exists() and mark.read_text())  # not while it is written
-            own.processes[1].kill()
-            said = []
-            assert eventually(
-                lambda: said.append(capsys.readouterr().err) or "no workers left" in "".join(said)
-            )
-            own._start("worker", *scheduler, "--nthreads", "1", "--no-nanny")
-            assert task.result() == "done" and mark.read_text() == "xx"
-
-
 def lacking() -> str:
     """What a worker answers who does not have the package."""
     raise ImportError("none here")
@@ -180,22 +161,6 @@ def test_a_scheduler_that_is_lost_is_named(tmp_path):
             own.processes[0].kill()
             with pytest.raises(TrextonError, match="was lost: start it and its workers, and repea"):
                 task.result()
-
-
-def test_a_worker_that_may_not_write_into_the_results_works_elsewhere(
-    flight, tmp_path, monkeypatch
-):
-    (tmp_path / "its own").mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "its own"))
-    results, access = str(tmp_path / "results"), os.access
-    monkeypatch.setattr(os, "access", lambda path, *how: path != results and access(path, *how))
-    note = f"open({str(tmp_path / 'place')!r}, 'w').write(out)\n"
-    path = write_notebook(tmp_path / "notebooks", "first", note + BODY)
-    given = {"flight": str(flight), "test_flight": None, "out": results}
-    os.mkdir(results)
-    done = execute(Job("first", path.read_text(), "", given, "small", {}, str(tmp_path), results))
-    assert "first.json" in done.files, done.error
-    assert "its own" in (tmp_path / "place").read_text()
 
 
 @pytest.mark.parametrize("where", ["here", "there"])
@@ -250,27 +215,25 @@ def pem(tmp_path):
 
 
 def test_a_cluster_is_reached_with_tls(tmp_path, pem, flight):
-    """The verb names the files, and the kernels of the notebooks are given them."""
+    """The verb names the files."""
     kinds = ("--tls-ca", "--tls-cert", "--tls-key")
     options = [
         word for kind, file in zip(kinds, pem, strict=True) for word in (f"{kind}-file", file)
     ]
     options = [word.replace("-cert-file", "-cert").replace("-key-file", "-key") for word in options]
     named = [word for kind, file in zip(kinds, pem, strict=True) for word in (kind, file)]
-    with (
-        environment(dict(zip(TLS_VARIABLES.values(), pem, strict=True))),
-        Cluster(tmp_path, workers=1, options=options) as running,
-    ):
-        address = running.address
-        for key in TLS_VARIABLES.values():
-            del os.environ[key]
-        read_before = ("ca-file", "client.cert", "client.key")
-        with dask.config.set({f"distributed.comm.tls.{key}": None for key in read_before}):
-            words = ["run", str(flight), "--only", "mocap_training", "--no-book", "--quiet"]
-            words += ["--set", "particles=5", "repeats=1", "neighbors=2", "--cluster", address]
-            with pytest.raises(ParameterError, match="name --tls-ca, --tls-cert and --tls-key"):
-                connect(address)
-            assert main([*words, "--out", str(tmp_path / "out"), *named]) == 0
+    read = [f"distributed.comm.tls.{key}" for key in ("ca-file", "client.cert", "client.key")]
+    with dask.config.set(dict(zip(read, pem, strict=True))):
+        cluster = Cluster(tmp_path, workers=1, options=options).__enter__()
+    try:
+        address = cluster.address
+        words = ["run", str(flight), "--only", "mocap_training", "--no-book", "--quiet"]
+        words += ["--set", "particles=5", "repeats=1", "neighbors=2", "--cluster", address]
+        with pytest.raises(ParameterError, match="name --tls-ca, --tls-cert and --tls-key"):
+            connect(address)
+        assert main([*words, "--out", str(tmp_path / "out"), *named]) == 0
+    finally:
+        cluster.__exit__()
     assert address.startswith("tls://")
     assert (tmp_path / "out" / "small" / "mocap_training.json").is_file()
 

@@ -7,7 +7,6 @@ comes out is plain data.
 from __future__ import annotations
 
 import json
-import logging
 import os
 import re
 import tempfile
@@ -17,7 +16,7 @@ from pathlib import Path
 from subprocess import DEVNULL
 from typing import Any
 
-from trexton.companion.executor import CLUSTER, PROCESSES, THREAD_VARIABLES
+from trexton.companion.executor import PROCESSES, THREAD_VARIABLES
 from trexton.vision.threads import usable_cores
 
 __all__ = ["Done", "Job", "execute", "stop_all"]
@@ -41,15 +40,11 @@ class Job:
     records : dict of str to bytes
         Files below `out` that the notebook may read.
     folder, work : str
-        Working folder, from which relative paths of flights are seen; where the files may lie that
-        it makes.
+        Working folder, from which relative paths of flights are seen; where the files lie that it
+        makes.
     threads : int or None
         Threads that the numerical libraries may take; None: the machine is this notebook's, and
         what it spreads runs in as many processes as there are processors.
-    cluster : str
-        Address for what the notebook spreads; empty: in place.
-    tls : dict of str to str
-        Variables that name the files of TLS with which it is reached.
     """
 
     name: str
@@ -61,20 +56,17 @@ class Job:
     folder: str
     work: str
     threads: int | None = None
-    cluster: str = ""
-    tls: Mapping[str, str] = field(default_factory=dict)
 
     def environment(self) -> dict[str, str]:
         """Of the kernel."""
         chosen = {
             "JUPYTER_PREFER_ENV_PATH": "1",
             "PYDEVD_DISABLE_FILE_VALIDATION": "1",
-            CLUSTER: self.cluster,
             PROCESSES: str(usable_cores() if self.threads is None else 1),
         }
         if self.threads is not None:
             chosen |= dict.fromkeys(THREAD_VARIABLES, str(self.threads))
-        return {**os.environ, **chosen, **self.tls}
+        return {**os.environ, **chosen}
 
 
 @dataclass(frozen=True)
@@ -96,15 +88,13 @@ def stop_all() -> None:
 
 def execute(job: Job, report: Callable[[int, int], None] = lambda done, total: None) -> Done:
     """Run one notebook; ``report(done, total)`` is called before each cell."""
-    # A worker may see the results as another user, or not at all: nothing of its own goes there.
-    work = job.work if os.access(job.work, os.W_OK) else None
-    with tempfile.TemporaryDirectory(prefix=".work.", dir=work) as name:
+    with tempfile.TemporaryDirectory(prefix=".work.", dir=job.work) as name:
         out = Path(name).resolve() / "out"
         (out / job.subfolder).mkdir(parents=True)
         for path, content in job.records.items():
             (out / path).parent.mkdir(parents=True, exist_ok=True)
             (out / path).write_bytes(content)
-        notebook, error = _papermill(job, Path(name), str(out), report)
+        notebook, error = _run(job, str(out), report)
         text = None if notebook is None else _cleaned(notebook, job.parameters, str(out)).encode()
         if error:
             return Done(error=error.replace(str(out), str(job.parameters["out"])), partial=text)
@@ -119,92 +109,72 @@ def execute(job: Job, report: Callable[[int, int], None] = lambda done, total: N
     return Done(files | {f"{job.name}.ipynb": text or b""})
 
 
-def _papermill(
-    job: Job, folder: Path, out: str, report: Callable[[int, int], None]
-) -> tuple[Any, str | None]:
+def _run(job: Job, out: str, report: Callable[[int, int], None]) -> tuple[Any, str | None]:
     """The notebook as far as it was executed, and a sentence where that failed."""
     import jupytext
-    import nbformat
-    import papermill
-    from papermill.exceptions import PapermillExecutionError
+    from nbclient import NotebookClient
+    from nbclient.exceptions import CellExecutionError
 
-    original, executed, error, given = folder / "given.ipynb", folder / "run.ipynb", None, -1
+    notebook: Any = None
+    at, given = 0, -1
+
+    def started(cell: Any, cell_index: int) -> None:
+        nonlocal at
+        at = cell_index
+        report(at, len(notebook.cells))
+
     try:
         notebook = jupytext.reads(job.text, fmt="md:myst")
-        tags = [cell.metadata.get("tags", []) for cell in notebook.cells]
-        given = next((at for at, each in enumerate(tags) if "parameters" in each), given)
-        jupytext.write(notebook, original)
-        _register_engine()
-        logging.getLogger("papermill").setLevel(logging.ERROR)  # parameters need no default
-        papermill.execute_notebook(
-            original, executed, parameters={**job.parameters, "out": out}, engine_name="trexton",
-            kernel_name="python3", progress_bar=False, job=job, report=report,
+        given = _inject(notebook, {**job.parameters, "out": out})
+        client = NotebookClient(
+            notebook, kernel_name="python3", record_timing=False, raise_on_iopub_timeout=True,
+            on_cell_start=started,
         )  # fmt: skip
-    except PapermillExecutionError as fault:
-        # Counted as in the source: papermill put a cell of its own in after number `given`.
-        number = fault.cell_index + (fault.cell_index <= given)
-        first = next((line for line in fault.source.splitlines() if line.strip()), "")
+        manager = client.create_kernel_manager()
+        _kernels.add(manager)
+        try:
+            client.execute(env=job.environment(), cwd=job.folder, stderr=DEVNULL)
+        finally:
+            _kernels.discard(manager)
+    except CellExecutionError as fault:
+        source = notebook.cells[at].source
+        first = next((line for line in source.splitlines() if line.strip()), "")
         message = _ANSI.sub("", fault.evalue).strip() or "no message"
-        where = f"{job.source}, cell {number} ({first.strip()!r} ...)"
-        error = f"{where}: {fault.ename}: {message}"
+        # Counted as in the source, which has no cell after number `given`.
+        where = f"{job.source}, cell {at + (at <= given)} ({first.strip()!r} ...)"
+        return notebook, f"{where}: {fault.ename}: {message}"
     except Exception as fault:  # a kernel that died, a notebook that cannot be read: others go on
-        error = f"{job.source}: {type(fault).__name__}: {fault}"
-    return nbformat.read(executed, as_version=4) if executed.exists() else None, error
+        return notebook, f"{job.source}: {type(fault).__name__}: {fault}"
+    return notebook, None
 
 
-def _register_engine() -> None:
-    from papermill.clientwrap import PapermillNotebookClient
-    from papermill.engines import Engine, papermill_engines
+def _inject(notebook: Any, parameters: Mapping[str, Any]) -> int:
+    """Set parameters in a cell of their own behind that of the defaults, of which the number is
+    returned. It is shown or hidden like them.
+    """
+    from nbformat.v4 import new_code_cell
 
-    class KernelEngine(Engine):  # type: ignore[misc]
-        """Papermill's own engine, with an environment, a word before each cell, and an end."""
-
-        @classmethod
-        def execute_managed_notebook(
-            cls, nb_man: Any, kernel_name: str, *, job: Job, report: Callable[[int, int], None],
-            **options: Any,
-        ) -> None:  # fmt: skip
-            start = nb_man.cell_start
-
-            def cell_start(cell: Any, cell_index: int | None = None, **others: Any) -> None:
-                report(cell_index or 0, len(nb_man.nb.cells))
-                start(cell, cell_index, **others)
-
-            nb_man.cell_start = cell_start
-            client = PapermillNotebookClient(nb_man, kernel_name=kernel_name)
-            manager = client.create_kernel_manager()
-            _kernels.add(manager)
-            try:
-                client.execute(env=job.environment(), cwd=job.folder, stderr=DEVNULL)
-            finally:
-                _kernels.discard(manager)
-
-    papermill_engines.register("trexton", KernelEngine)
+    tags = [cell.metadata.get("tags", []) for cell in notebook.cells]
+    given = next((at for at, each in enumerate(tags) if "parameters" in each), -1)
+    shown = [] if given < 0 else [tag for tag in tags[given] if tag != "parameters"]
+    lines = ["# Parameters", *(f"{name} = {value!r}" for name, value in parameters.items())]
+    cell = new_code_cell("\n".join(lines), metadata={"tags": ["injected-parameters", *shown]})
+    notebook.cells.insert(given + 1, cell)
+    return given
 
 
 def _cleaned(notebook: Any, parameters: Mapping[str, Any], work: str) -> str:
-    """The executed notebook without what depends on this machine or its clock.
-
-    The injected parameters are shown or hidden like the defaults that they replace, and name the
-    folder that a reader asked for instead of the one that was worked in.
+    """The executed notebook without what depends on this machine or its clock; it names the folder
+    that a reader asked for instead of the one that was worked in.
     """
     import nbformat
-    from papermill.translators import PythonTranslator
 
-    notebook.metadata.pop("papermill", None)
     notebook.metadata.get("jupytext", {}).pop("text_representation", None)
     notebook.metadata["trexton"] = {"parameters": dict(parameters)}
-    tags: list[str] = []
     for number, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{number}"  # else drawn anew at each run
-        cell.metadata.pop("execution", None)
-        own = cell.metadata.get("tags", [])
-        if "parameters" in own:
-            tags = [tag for tag in own if tag != "parameters"]
-        elif "injected-parameters" in own:
-            cell.metadata["tags"] = ["injected-parameters", *tags]
     text, shown = str(nbformat.writes(notebook)), str(parameters["out"])
-    for written in (str, PythonTranslator.translate):  # by a cell, and by papermill into one
+    for written in (str, repr):  # by a cell, and into the one that sets it
         old, new = (json.dumps(written(each), ensure_ascii=False)[1:-1] for each in (work, shown))
         text = text.replace(old, new)
     return text + "\n"

@@ -5,9 +5,9 @@ Nothing is executed here: the code that a notebook reaches is read from its impo
 
 from __future__ import annotations
 
-import ast
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,11 +15,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import jupytext
-
-import trexton
+from trexton import _EXPORTS
 from trexton.base.cache import code_hashes, shipped
-from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.errors import ParameterError
 from trexton.base.files import digest, read_text
 from trexton.base.records import software_versions
 from trexton.companion.build.engine import Entries, labelled
@@ -32,6 +30,7 @@ __all__ = ["GIVEN", "Notebook", "find_notebooks", "inputs_of", "outputs_of", "re
 
 # The workflow fills these in; nobody sets them by hand.
 GIVEN = ("flight", "test_flight", "out")
+_IMPORT = re.compile(r"^\s*(?:from|import) (trexton[\w.]*)(?: import (\([^)]*\)|.+))?", re.M)
 # The registry of experiments changes no result: a new line in it must not run everything again.
 _NOT_AN_INPUT = ("trexton.companion.experiments.registry", "trexton")
 
@@ -88,64 +87,21 @@ class Notebook:
         }
 
     @cached_property
-    def content(self) -> Any:
-        """The notebook as nbformat cells."""
-        try:
-            return jupytext.reads(self.text, fmt="md:myst")
-        except Exception as error:  # jupytext raises whatever its parsers do
-            raise TrextonError(
-                f"{self.source}: not a MyST notebook ({error}): correct its cells"
-            ) from None
-
-    @cached_property
     def code(self) -> dict[str, str]:
-        """SHA-256 of every module of this package that the notebook's code reaches."""
+        """SHA-256 of every module of this package that the notebook's imports reach."""
         hashes: dict[str, str] = {}
-        for node in self._nodes:
-            for name in _imported_modules(node):
+        for module, words in _IMPORT.findall(self.text):
+            names = re.findall(r"\w+", words)
+            lazy = [_EXPORTS.get(name, "") for name in names] if module == "trexton" else []
+            for name in (module, *lazy, *(f"{module}.{name}" for name in names)):
                 hashes |= code_hashes(name)
         return {name: hashes[name] for name in sorted(hashes) if name not in _NOT_AN_INPUT}
 
     @property
     def kept(self) -> dict[str, str]:
         """SHA-256 of every result of a longer run, kept with the code, that its code names."""
-        words = {node.value for node in self._nodes if isinstance(node, ast.Constant)}
-        return {
-            path.name: digest(path)
-            for path in kept_results()
-            if path.stem.removeprefix("sweep-") in words
-        }
-
-    @cached_property
-    def _nodes(self) -> list[ast.AST]:
-        """Of the code of all cells, IPython's own commands as the calls that they stand for."""
-        from IPython.core.inputtransformer2 import TransformerManager
-
-        nodes: list[ast.AST] = []
-        for cell in self.content.cells:
-            if cell.cell_type == "code":
-                try:
-                    nodes += ast.walk(ast.parse(TransformerManager().transform_cell(cell.source)))
-                except SyntaxError as error:
-                    line = (error.text or "").strip()
-                    raise TrextonError(
-                        f"{self.source}: a cell is no Python ({error.msg}: {line!r}): correct it"
-                    ) from None
-        return nodes
-
-
-def _imported_modules(node: ast.AST) -> list[str]:
-    """Modules that an import statement may load, names of what is in them too."""
-    names: list[str] = []
-    if isinstance(node, ast.Import):
-        names = [alias.name for alias in node.names]
-    elif isinstance(node, ast.ImportFrom) and node.module:
-        lazy = trexton._EXPORTS if node.module == "trexton" else {}
-        names = [
-            node.module,
-            *(lazy.get(alias.name, f"{node.module}.{alias.name}") for alias in node.names),
-        ]
-    return names
+        names = {path: path.stem.removeprefix("sweep-") for path in kept_results()}
+        return {path.name: digest(path) for path, name in names.items() if f'"{name}"' in self.text}
 
 
 def _printed() -> list[Path]:

@@ -27,7 +27,6 @@ from trexton.companion.build.notebooks import (
     read_content,
 )
 from trexton.companion.build.workers import Workers, workers
-from trexton.companion.executor import TLS_VARIABLES
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import EXPERIMENTS
 
@@ -63,7 +62,7 @@ def run_experiments(
     notebooks : path, optional
         The folder of notebooks, this package's own by default.
     cluster : str, optional
-        Address of a Dask scheduler whose workers run the notebooks, and what these spread.
+        Address of a Dask scheduler whose workers run the notebooks.
 
     Raises
     ------
@@ -250,7 +249,6 @@ class _Run:
             for path in outputs_of(record.parent, record.stem)
             if path.suffix in (".json", ".png")
         }
-        alone = page.experiment.alone
         return Job(
             name=page.notebook.name,
             text=page.notebook.text,
@@ -260,9 +258,7 @@ class _Run:
             records=files,
             folder=os.getcwd(),
             work=str(self.root.resolve()),
-            threads=self.crew.threads(alone),
-            cluster="" if alone else self.crew.cluster,
-            tls={key: os.environ[key] for key in TLS_VARIABLES.values() if key in os.environ},
+            threads=self.crew.threads(page.experiment.alone),
         )
 
 

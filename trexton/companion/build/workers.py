@@ -1,10 +1,13 @@
-"""Where steps run: kernels and processes of this machine, or the workers of a Dask cluster."""
+"""Where steps run: kernels and processes of this machine, or the workers of a Dask cluster.
+
+Offers `workers`, and `connect`, a client of a cluster.
+"""
 
 from __future__ import annotations
 
 import resource
+import socket
 import tempfile
-import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ProcessPoolExecutor
 from contextlib import contextmanager
@@ -15,35 +18,32 @@ from typing import Any
 
 import psutil
 
-from trexton.base.cache import code_hashes
+import trexton
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import digest
 from trexton.base.options import whole
-from trexton.base.progress import say
 from trexton.base.records import software_versions
 from trexton.companion.build import execution
 from trexton.companion.build.execution import Done, Job
-from trexton.companion.executor import connect, end_with_parent, limited
-from trexton.companion.experiments.registry import MODULES
+from trexton.companion.executor import end_with_parent, limited
 from trexton.vision.threads import usable_cores
 
-__all__ = ["Call", "Workers", "modules_of_runs", "workers"]
+__all__ = ["Call", "Workers", "connect", "workers"]
 
 _MEMORY_PER_JOB = 2 * 2**30
 _OPEN_FILES = 256  # a run has more sockets and pipes than a shell's worth
 _HOME_BYTES = 2**16
-_WATCH_S = 30.0  # seconds between checks that the cluster still has workers
+_GREETING_S = 30.0
 Call = Callable[..., Any]
 
 
 @dataclass(frozen=True)
 class Workers:
-    """So many `jobs` at once, here or at `cluster`; `stop` ends what is running."""
+    """So many `jobs` at once, here or (`call`) on a cluster; `stop` ends what is running."""
 
     jobs: int
     stop: Callable[[], None] = execution.stop_all
-    cluster: str = ""
-    _call: Call | None = None
+    call: Call | None = None
 
     def threads(self, alone: bool) -> int | None:
         """The threads of a kernel: a share, or all (None) where it is alone."""
@@ -51,13 +51,16 @@ class Workers:
 
     def run(self, job: Job, report: Callable[[int, int], None]) -> Done:
         """Execute a notebook; on a cluster its cells are counted where it runs."""
-        return execution.execute(job, report) if self._call is None else self._call(_seceded, job)
+        if self.call is None:
+            return execution.execute(job, report)
+        done: Done = self.call(execution.execute, job)
+        return done
 
     @contextmanager
     def calls(self) -> Iterator[Call]:
         """Calls a function of plain arguments: in a process of this machine, or on the cluster."""
-        if self._call is not None:
-            yield self._call
+        if self.call is not None:
+            yield self.call
             return
         with limited(self.threads(alone=False)):
             pool = ProcessPoolExecutor(self.jobs, get_context("spawn"), initializer=end_with_parent)
@@ -94,9 +97,20 @@ def workers(cluster: str | None, jobs: int | None, most: int | None = None) -> I
             client.run(execution.stop_all)
             client.close()
 
+    def call(function: Call, *words: object) -> Any:
+        try:
+            return client.submit(function, *words, pure=False).result()
+        except Exception as error:
+            if client.status == "running" and not isinstance(error, CancelledError):
+                raise
+            raise TrextonError(
+                f"the Dask scheduler at {cluster} was lost: start it and its workers, and "
+                "repeat the command, what was finished is kept"
+            ) from error
+
     try:
         count = _checked(client, cluster)
-        yield Workers(jobs or count, stop, cluster, _patient(client, cluster))
+        yield Workers(jobs or count, stop, call)
     finally:
         client.close()
 
@@ -114,6 +128,34 @@ def _check_surroundings() -> None:
         raise TrextonError(
             f"{home}: the home folder cannot be written to ({error.strerror}), as notebooks must: "
             "make room, or set HOME to another folder"
+        ) from None
+
+
+def connect(address: str) -> Any:
+    """A client of the Dask scheduler at `address`; raises `ParameterError` if none answers."""
+    from distributed import Client, Security
+    from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
+
+    try:
+        scheme, place = parse_address(address)
+        if scheme == "tls" and not Security().get_connection_args("client").get("ssl_context"):
+            raise ParameterError(f"{address}: name --tls-ca, --tls-cert and --tls-key")
+        get_backend(scheme)  # a client of an unknown one takes minutes to close
+        # Where nothing listens it is known at once. A scheduler greets whoever comes: a client of
+        # something else, such as a web server, would wait for that for ever.
+        if scheme in ("tcp", "tls"):
+            with socket.create_connection(parse_host_port(place, 8786), timeout=10) as there:
+                there.settimeout(_GREETING_S)
+                if scheme == "tcp" and not there.recv(1):
+                    raise OSError("it hung up")
+        return Client(address, timeout="60s", set_as_default=False)
+    except ParameterError:
+        raise
+    except (OSError, ValueError) as error:
+        raise ParameterError(
+            f"no Dask scheduler answers at {address} ({error}): start one with dask scheduler, and "
+            "workers with dask worker, in environments with the same trexton"
         ) from None
 
 
@@ -136,51 +178,6 @@ def _checked(client: Any, cluster: str) -> int:
     return len(prints)
 
 
-def _patient(client: Any, cluster: str) -> Call:
-    """Calls on the cluster, which wait with a word where no worker is left."""
-    warned = threading.Event()
-
-    def call(function: Call, *words: object) -> Any:
-        try:
-            future = client.submit(function, *words, pure=False)
-            while True:
-                try:
-                    return future.result(timeout=_WATCH_S)
-                except TimeoutError:
-                    if future.done():  # meanwhile, or by a timeout of its own
-                        return future.result()
-                if not client.scheduler_info()["workers"] and not warned.is_set():
-                    warned.set()
-                    say(
-                        f"{cluster} has no workers left: start some, or interrupt; what was "
-                        "finished is kept"
-                    )
-        except Exception as error:
-            if client.status == "running" and not isinstance(error, CancelledError):
-                raise
-            raise TrextonError(
-                f"the Dask scheduler at {cluster} was lost: start it and its workers, and "
-                "repeat the command, what was finished is kept"
-            ) from error
-
-    return call
-
-
-def _seceded(job: Job) -> Done:
-    """Leave the worker's slot to what the notebook spreads: it mostly waits for its kernel."""
-    from distributed import secede
-
-    secede()
-    return execution.execute(job)
-
-
-def modules_of_runs() -> dict[str, str]:
-    """SHA-256 of every module that a notebook or a cell of a sweep may run."""
-    hashes: dict[str, str] = {}
-    for name in (*MODULES.values(), "trexton.localization.localizer", execution.__name__):
-        hashes |= code_hashes(name)
-    return hashes
-
-
 def _fingerprint() -> str:
-    return digest(modules_of_runs(), software_versions())
+    """Of all code of this package, and of the versions below it."""
+    return digest(*sorted(Path(trexton.__file__).parent.rglob("*.py")), software_versions())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 from trexton.base.arguments import add_assignments, assignments
@@ -12,7 +12,8 @@ from trexton.base.errors import ParameterError
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
-from trexton.companion.executor import TLS_VARIABLES, environment
+
+_TLS = ("ca-file", "client.cert", "client.key")  # as Dask calls them
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +51,7 @@ def add_cluster_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--tls-{name}", metavar="PEM", help=f"{held}, for a tls:// address")
 
 
-def reaching_cluster(arguments: argparse.Namespace) -> AbstractContextManager[None]:
+def reaching_cluster(arguments: argparse.Namespace) -> AbstractContextManager[object]:
     """Within the block a cluster is reached with the files of TLS that were named.
 
     Raises
@@ -59,14 +60,18 @@ def reaching_cluster(arguments: argparse.Namespace) -> AbstractContextManager[No
         One is missing, or the address is none of TLS: what is sent would not be protected.
     """
     typed = (arguments.tls_ca, arguments.tls_cert, arguments.tls_key)
-    named = {key: file for key, file in zip(TLS_VARIABLES.values(), typed, strict=True) if file}
-    if missing := [file for file in named.values() if not Path(file).is_file()]:
+    named = {f"distributed.comm.tls.{key}": file for key, file in zip(_TLS, typed, strict=True)}
+    if not any(typed):
+        return nullcontext()
+    if missing := [file for file in typed if file and not Path(file).is_file()]:
         raise ParameterError(f"{missing[0]}: no such file: give one of TLS, as PEM")
-    if named and not (arguments.cluster or "").startswith("tls://"):
+    if not (arguments.cluster or "").startswith("tls://"):
         raise ParameterError(
             f"files of TLS, but --cluster {arguments.cluster}: expected an address tls://HOST:PORT"
         )
-    return environment({key: str(Path(file).resolve()) for key, file in named.items()})
+    import dask
+
+    return dask.config.set(named)
 
 
 def run(arguments: argparse.Namespace) -> int:
