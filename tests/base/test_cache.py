@@ -9,7 +9,7 @@ from pathlib import Path
 
 import trexton
 from trexton.base.cache import code_hashes
-from trexton.localization.roles import ROLES
+from trexton.localization.methods import ROLES
 
 # In a copy of the package: change a constant of one reached module after the other, ask each time.
 # A module is read once a process: here again when it was changed.

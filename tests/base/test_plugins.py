@@ -11,7 +11,7 @@ from small_room import histogram_flight
 from trexton.base import plugins
 from trexton.base.errors import MapError, ParameterError
 from trexton.localization.map_files import load_map, save_map
-from trexton.localization.roles import make, name_of
+from trexton.localization.methods import make, name_of
 from trexton.localization.training import train_map
 
 SOURCE = """

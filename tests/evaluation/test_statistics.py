@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from small_room import observations
 
+from trexton.companion.experiments.sweeps import TreeSearch
 from trexton.evaluation.metrics import block_rows, bootstrap_interval, summarize, wilson_interval
 from trexton.evaluation.suitability import global_loss, local_losses
 from trexton.flights import read_flight, write_flight
@@ -18,10 +19,10 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.landing import LandingZone
 from trexton.localization.measurement import RankMixture
+from trexton.localization.methods import ROLES, make
 from trexton.localization.motion import RandomWalk
 from trexton.localization.neighbors import NearestHistograms
 from trexton.localization.resampling import Systematic
-from trexton.localization.roles import ROLES, make
 from trexton.onboard.intake import StampKeeper
 from trexton.onboard.tally import Tally
 
@@ -188,7 +189,7 @@ def test_methods_of_search_agree_under_ties(seed, rows, textons, k):
     rng = np.random.default_rng(seed)
     table = rng.integers(0, 3, (rows, textons)) / 4  # full of equal rows
     places, k = rng.normal(size=(rows, 2)), min(k, rows)
-    brute, tree = (NearestHistograms(table, places, k, method) for method in ("brute", "tree"))
+    brute, tree = (search(table, places, k) for search in (NearestHistograms, TreeSearch))
     for query in rng.integers(0, 3, (4, textons)) / 4:
         one, other = brute.query(query), tree.query(query)
         order = np.lexsort((np.arange(rows), ((table - query) ** 2).sum(axis=1)))[:k]

@@ -153,17 +153,6 @@ def test_a_field_survives_its_arrays(field, later):
     np.testing.assert_array_equal(again.log_posterior(seen), field.log_posterior(seen))
 
 
-def test_a_map_with_the_former_names_of_arrays_still_loads(field, motion):
-    for part in (field, motion):
-        former = {name: old for old, name in part.renamed.items()}
-        arrays = {former.get(name, name): array for name, array in part.arrays().items()}
-        assert set(arrays) != set(part.arrays())
-        again = type(part).from_arrays(arrays, **part.as_dict()).arrays()
-        assert {name: a.tobytes() for name, a in again.items()} == {
-            name: a.tobytes() for name, a in part.arrays().items()
-        }
-
-
 def test_equal_training_gives_equal_bytes(field):
     for name, array in Field().fit(training()).arrays().items():
         np.testing.assert_array_equal(array, field.arrays()[name])

@@ -24,41 +24,26 @@ def dictionary(flight):
 
 @pytest.fixture
 def counted(monkeypatch, tmp_path):
-    """Frames that were counted, one entry each; more than `most` are stopped as Ctrl-C does."""
+    """Frames that were counted, one entry each."""
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(counting, "CHUNK", 20)
+    monkeypatch.setattr(counting, "KEPT_FROM", 21)
     calls: list[int] = []
-    limit: dict[str, int | None] = {"most": None}
 
     def count(image, *words, **options):
-        if len(calls) == limit["most"]:
-            raise KeyboardInterrupt
         calls.append(1)
         return texton_counts(image, *words, **options)
 
     monkeypatch.setattr(counting, "texton_counts", count)
-    return calls, lambda most: limit.update(most=most)
-
-
-def test_a_stopped_count_goes_on_where_it_was(flight, dictionary, counted, capsys):
-    calls, stop_after = counted
-    stop_after(45)
-    with pytest.raises(KeyboardInterrupt):
-        full_histograms(flight, dictionary)
-    stop_after(None)
-    calls.clear()
-    histograms = full_histograms(flight, dictionary)
-    assert len(calls) == 8  # the last chunk, of which five had been counted
-    assert "40 of 48 frames had been counted before" in capsys.readouterr().err
-    direct = [texton_histogram(image, dictionary) for image in flight.images()]
-    np.testing.assert_array_equal(histograms, direct)
+    return calls
 
 
 def test_other_textons_cells_or_frames_are_counted_anew(flight, dictionary, counted):
-    calls, _ = counted
+    calls = counted
     full_histograms(flight, dictionary)
-    full_histograms(flight, dictionary)
+    histograms = full_histograms(flight, dictionary)
     assert len(calls) == 48
+    direct = [texton_histogram(image, dictionary) for image in flight.images()]
+    np.testing.assert_array_equal(histograms, direct)
     parts = full_histograms(flight, dictionary, cells=2)
     assert len(calls) == 48  # whole images and quarters are counted in one pass
     direct = [texton_histogram(image, dictionary, cells=2) for image in flight.images()]

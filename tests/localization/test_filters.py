@@ -10,9 +10,9 @@ from trexton.base.errors import ParameterError
 from trexton.localization.estimation import Belief, HighestWeight, MaximumAPosteriori, WeightedMean
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.measurement import RankMixture
+from trexton.localization.methods import ROLES, make
 from trexton.localization.motion import RandomWalk
 from trexton.localization.resampling import Systematic, Wheel
-from trexton.localization.roles import ROLES, make
 
 RESAMPLERS = list(ROLES["resampling"])
 

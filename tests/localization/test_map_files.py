@@ -178,12 +178,6 @@ def test_files_that_would_unpack_to_more_are_refused(texton_map, tmp_path):
             archive.writestr(name, content)
     with pytest.raises(MapError):
         load_map(path)
-    members["positions.npy"] = b"\x93NUMPY\x03\x00" + members["positions.npy"][8:]
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, content in members.items():
-            archive.writestr(name, content)
-    with pytest.raises(MapError, match="format"):
-        load_map(path)
 
 
 def test_pipes_and_folders_are_refused_not_waited_for(tmp_path):

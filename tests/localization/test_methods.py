@@ -13,10 +13,18 @@ from trexton.localization.base import Part, learned
 from trexton.localization.distances import Euclidean, Hellinger
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map, save_map
-from trexton.localization.methods import METHODS, changed, compose, fitting, parse_choices
+from trexton.localization.methods import (
+    METHODS,
+    ROLES,
+    changed,
+    compose,
+    fitting,
+    make,
+    name_of,
+    parse_choices,
+)
 from trexton.localization.motion import RandomWalk
 from trexton.localization.neighbors import NearestHistograms
-from trexton.localization.roles import ROLES, make, name_of
 from trexton.localization.training import for_method, train_map, training_set, with_choices
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import MapError, ParameterError
+from trexton.companion.experiments.sweeps import TreeSearch
 from trexton.localization.distances import Hellinger
 from trexton.localization.neighbors import NearestHistograms, neighbors_in_flight
 
@@ -18,11 +19,11 @@ def plain_neighbors(histograms, histogram, k):
     return [index for _, index in sorted(distances)[:k]]
 
 
-@pytest.mark.parametrize("method", ["brute", "tree"])
+@pytest.mark.parametrize("search", [NearestHistograms, TreeSearch])
 @pytest.mark.parametrize("k", [1, 5, 59, 60])
-def test_neighbours_equal_the_sorted_distances(rng, method, k):
+def test_neighbours_equal_the_sorted_distances(rng, search, k):
     histograms, positions = rng.dirichlet(np.ones(8), 60), rng.normal(size=(60, 2))
-    nearest = NearestHistograms(histograms, positions, k, method)
+    nearest = search(histograms, positions, k)
     for query in rng.dirichlet(np.ones(8), 30):
         found = nearest.query(query)
         assert found.index.tolist() == plain_neighbors(histograms, query, k)
@@ -34,10 +35,10 @@ def test_neighbours_equal_the_sorted_distances(rng, method, k):
         )
 
 
-@pytest.mark.parametrize("method", ["brute", "tree"])
-def test_ties_go_to_the_lowest_index(rng, method):
+@pytest.mark.parametrize("search", [NearestHistograms, TreeSearch])
+def test_ties_go_to_the_lowest_index(rng, search):
     few = rng.integers(0, 3, (400, 4)) / 8  # exact in binary, at most 81 different rows
-    nearest = NearestHistograms(few, np.zeros((400, 2)), 7, method)
+    nearest = search(few, np.zeros((400, 2)), 7)
     for query in rng.integers(0, 3, (40, 4)) / 8:
         squared = ((few - query) ** 2).sum(axis=1)
         assert (
@@ -46,27 +47,18 @@ def test_ties_go_to_the_lowest_index(rng, method):
         )
 
 
-def test_methods_give_the_same_bits_on_many_histograms(rng):
+def test_both_searches_give_the_same_bits_on_many_histograms(rng):
     histograms, positions = rng.dirichlet(np.full(20, 0.4), 5000), rng.normal(size=(5000, 2))
-    brute, tree, chosen = (
-        NearestHistograms(histograms, positions, 5, method) for method in ("brute", "tree", None)
-    )
+    searches = [search(histograms, positions, 5) for search in (NearestHistograms, TreeSearch)]
     for query in np.concatenate([rng.dirichlet(np.full(20, 0.4), 40), histograms[:10]]):
-        results = [nearest.query(query) for nearest in (brute, tree, chosen)]
+        results = [nearest.query(query) for nearest in searches]
         assert len({(r.index.tobytes(), r.distance.tobytes()) for r in results}) == 1
-
-
-def test_a_small_map_searches_without_compiled_code(rng):
-    histograms = rng.dirichlet(np.ones(6), 800)
-    assert NearestHistograms(histograms, np.zeros((800, 2)))._tree is None
 
 
 def test_real_histograms(cyberzoo):
     known = np.isfinite(cyberzoo.histograms).all(axis=1)
     histograms, positions = cyberzoo.histograms[known], cyberzoo.position[known]
-    brute, tree = (
-        NearestHistograms(histograms, positions, 5, method) for method in ("brute", "tree")
-    )
+    brute, tree = (search(histograms, positions, 5) for search in (NearestHistograms, TreeSearch))
     for row in range(0, len(histograms), 25):
         assert brute.query(histograms[row]).index[0] == row
         assert (
@@ -84,8 +76,6 @@ def test_bad_input_is_one_clear_error(rng):
     for k in (0, 11):
         with pytest.raises(ParameterError, match=f"k is {k}: expected 1 to 10"):
             NearestHistograms(histograms, positions, k)
-    with pytest.raises(ParameterError, match="method 'hash'"):
-        NearestHistograms(histograms, positions, 1, "hash")
     with pytest.raises(MapError, match="histogram of 4 textons"):
         NearestHistograms(histograms, positions).query(np.ones(5) / 5)
     with pytest.raises(MapError, match="finite histogram"):
@@ -108,12 +98,9 @@ def test_only_the_excluded_seconds_are_excluded(excluded_s, nearest_allowed):
 def test_tree_and_brute_force_learn_the_same_neighbours(rng):
     histograms, time = rng.dirichlet(np.ones(8), 400), np.arange(400) * 0.08
     found = [
-        neighbors_in_flight(
-            NearestHistograms(histograms, np.zeros((400, 2)), method=method),
-            histograms, time, 5, 0.5,
-        )
-        for method in ("brute", "tree")
-    ]  # fmt: skip
+        neighbors_in_flight(search(histograms, np.zeros((400, 2)), 5), histograms, time, 5, 0.5)
+        for search in (NearestHistograms, TreeSearch)
+    ]
     np.testing.assert_array_equal(*found)
 
 

@@ -7,9 +7,9 @@ from small_room import observations
 from trexton.base.errors import ParameterError
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.measurement import RankMixture
+from trexton.localization.methods import make
 from trexton.localization.motion import RandomWalk
 from trexton.localization.recovery import Augmented
-from trexton.localization.roles import make
 
 
 def test_the_averages_follow_their_definition():

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from trexton.base.errors import ParameterError
 from trexton.base.plugins import addresses
 from trexton.localization.base import Part
-from trexton.localization.methods import METHODS
-from trexton.localization.roles import ROLES, part_class
+from trexton.localization.methods import METHODS, ROLES, part_class
 
 __all__ = ["add_arguments", "run"]
 

@@ -41,12 +41,6 @@ class Field(MeasurementModel):
     """The likelihood of a histogram over the whole floor, from processes of the training flight."""
 
     needs = {}
-    renamed = {
-        "learned_at": "training_variance",
-        "repeated": "revisit_inflation",
-        "misfit": "residual_scale",
-        "expected": "error_coefficients",
-    }
     cells: int = option(
         4800,
         "squares of the floor, about; fewer where there are many features",

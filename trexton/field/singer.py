@@ -27,7 +27,6 @@ class Singer(LinearMotion):
     less of the velocity than it knows.
     """
 
-    renamed = {"lasts_s": "time_constant_s"}
     agility: float = option(2.0, "accelerations are taken so many times as large as flown", above=0)
     acceleration: np.ndarray = learned()  # () standard deviation along an axis, m/s^2
     time_constant_s: np.ndarray = learned()  # () time constant of the acceleration, tau

@@ -38,13 +38,10 @@ class Part(Options):
         Parts that it reads: the role of each, and the class that it must be of.
     uses : tuple of str
         Roles of parts that it reads where a method has them.
-    renamed : dict of str to str
-        Learned arrays by the names that they had in old maps.
     """
 
     needs: ClassVar[Mapping[str, type[Any]]] = {}
     uses: ClassVar[tuple[str, ...]] = ()
-    renamed: ClassVar[Mapping[str, str]] = {}
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -98,7 +95,6 @@ class Part(Options):
             An array is missing, or one too many.
         """
         expected = {each.name for each in fields(cls) if not each.init}
-        arrays = {cls.renamed.get(name, name): array for name, array in arrays.items()}
         if set(arrays) != expected:
             raise MapError(
                 f"{cls.__name__} learns {sorted(expected)}, found {sorted(arrays)}: copy the map "

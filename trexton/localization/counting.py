@@ -1,26 +1,22 @@
-"""Histograms of a whole flight, a chunk of frames after the other; what is counted is kept.
-
-So a training that was stopped goes on where it was, and holds no more than a frame at a time.
-"""
+"""Histograms of a whole flight, by full sampling. Offers `full_histograms`, which keeps its counts
+in the cache, so that the next training on these frames has them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import partial
-from itertools import islice
 
 import numpy as np
 
 from trexton.base.errors import MapError
-from trexton.base.progress import progress, say
+from trexton.base.progress import progress
 from trexton.flights.flight import Flight
 from trexton.vision.histograms import texton_counts
 from trexton.vision.textons import TextonDictionary
 from trexton.vision.threads import ahead
 
-__all__ = ["CHUNK", "full_histograms"]
+__all__ = ["full_histograms"]
 
-CHUNK = 250  # frames, a second or two; shorter flights are not worth keeping
+KEPT_FROM = 250  # frames; shorter flights are counted in a second or two
 _PARTS = 2  # a side: images are counted in quarters, whose sum serves methods that take the whole
 
 
@@ -40,53 +36,28 @@ def full_histograms(
                 f"flight {flight.name!r} has no histograms: give a dictionary to count by"
             )
         return flight.histograms
-    bar = progress(range(len(flight)), "histograms", total=len(flight))
-    counts = _all_counts(flight, dictionary, _PARTS if cells == 1 else cells, bar)
+    counts = _counts(flight, dictionary, _PARTS if cells == 1 else cells)
     if cells == 1:
         counts = counts.reshape(len(flight), _PARTS**2, -1).sum(axis=1)
     return counts / counts.sum(axis=1, keepdims=True)
 
 
-def _all_counts(
-    flight: Flight, dictionary: TextonDictionary, cells: int, bar: Iterator[int]
-) -> np.ndarray:
-    if len(flight) <= CHUNK:
-        return _counted(flight, dictionary, cells, bar)
-    parts = [flight.select(slice(first, first + CHUNK)) for first in range(0, len(flight), CHUNK)]
-    kept = [_kept(part, dictionary, cells, bar) for part in parts]
-    if reused := sum(len(counts) for counts, fresh in kept if not fresh):
-        say(f"{reused} of {len(flight)} frames had been counted before")
-    return np.concatenate([counts for counts, _ in kept])
-
-
-def _kept(
-    part: Flight, dictionary: TextonDictionary, cells: int, bar: Iterator[int]
-) -> tuple[np.ndarray, bool]:
-    """The counts of a chunk, and whether they were made just now."""
-    from trexton.base.cache import cached  # which an onboard computer never needs
-
-    counted: list[np.ndarray] = []
+def _counts(flight: Flight, dictionary: TextonDictionary, cells: int) -> np.ndarray:
+    """``(N, K cells^2) int32``"""
 
     def compute() -> dict[str, np.ndarray]:
-        counted.append(_counted(part, dictionary, cells, bar))
-        return {"counts": counted[0]}
+        images = progress(flight.images(), "histograms", total=len(flight))
+        count = partial(texton_counts, dictionary=dictionary, cells=cells)
+        return {"counts": np.stack(list(ahead(count, images))).astype(np.int32)}
 
-    assert part.frames is not None  # only images are counted
+    if len(flight) < KEPT_FROM:
+        return compute()["counts"]
+    from trexton.base.cache import cached  # which an onboard computer never needs
+
+    assert flight.frames is not None  # only images are counted
     inputs = {
-        "frames": part.frames.digest,
+        "frames": flight.frames.digest,
         "textons": [dictionary.textons.shape, dictionary.textons.tobytes().hex()],
         "cells": cells,
     }
-    counts = cached("counts", "trexton.vision.histograms", inputs, compute)["counts"]
-    if not counted:
-        list(islice(bar, len(part)))
-    return counts, bool(counted)
-
-
-def _counted(
-    part: Flight, dictionary: TextonDictionary, cells: int, bar: Iterator[int]
-) -> np.ndarray:
-    """``(N, K cells^2) int32``"""
-    images = (image for image, _ in zip(part.images(), bar, strict=False))
-    count = partial(texton_counts, dictionary=dictionary, cells=cells)
-    return np.stack(list(ahead(count, images))).astype(np.int32)
+    return cached("counts", "trexton.vision.histograms", inputs, compute)["counts"]

@@ -1,24 +1,35 @@
-"""A map and a frame become a position. Offers `Localizer`, the same in flight as in a notebook."""
+"""Algorithm 1 of the paper over the trained parts of a map. Offers `Localizer`, frame in, estimate
+out: the same in flight as in a notebook."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache, cached_property, partial
+from typing import Any
 
 import numpy as np
 
 from trexton.base.defaults import SAMPLES
-from trexton.base.errors import ParameterError
+from trexton.base.errors import ImageError, MapError, ParameterError
+from trexton.base.options import whole
 from trexton.base.streams import generator
+from trexton.flights.aiding import Aiding
+from trexton.flights.flight import SUM_TOLERANCE
 from trexton.localization.estimate import Estimate
-from trexton.localization.neighbors import NearestHistograms
-from trexton.localization.pipeline import Pipeline
+from trexton.localization.filters import RunningFilter
+from trexton.localization.neighbors import NearestHistograms, Neighbors
+from trexton.localization.observation import Observation
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import for_method, with_choices
+from trexton.vision.histograms import sampled_histogram, texton_histogram
+from trexton.vision.images import check_image
+from trexton.vision.patches import MOST_SAMPLES
 
 __all__ = ["Estimate", "Localizer", "TextonMap"]
 
 
-class Localizer(Pipeline):
+class Localizer:
     """Composes the parts of a method: the same object is evaluated in the notebooks and flown on
     board.
 
@@ -27,10 +38,18 @@ class Localizer(Pipeline):
     texton_map : TextonMap
     method : str, optional
         Another than the map was trained for; its parts then learn from the map's training set.
-    samples, neighbors, nearest, mark, rng
-        See `Pipeline`.
+    samples : int or None
+        Patches drawn a frame; None labels every patch (full sampling).
     particles : int, optional
         Short for the choice ``filter.particles``.
+    neighbors : int, optional
+        k, at most what the map was trained for; None uses all of it.
+    nearest : NearestHistograms, optional
+        Another search than over the map's own histograms.
+    mark : callable, optional
+        Called with ``"histogram"``, ``"neighbors"``, ``"filter"`` and ``"estimate"`` as each is
+        done.
+    rng : numpy.random.Generator
     **choices
         ``role``: a part, or its name; ``role.option``: a value. See `trexton.localization.methods`.
 
@@ -62,6 +81,218 @@ class Localizer(Pipeline):
         if particles is not None:
             choices["filter.particles"] = particles
         texton_map = with_choices(for_method(texton_map, method), choices)
-        super().__init__(
-            texton_map, samples=samples, neighbors=neighbors, nearest=nearest, mark=mark, rng=rng
+        if samples is not None:  # every patch
+            samples = whole(samples, "samples", 1, MOST_SAMPLES)
+        parts: dict[str, Any] = texton_map.parts
+        if neighbors is not None:
+            measurement: Any = parts.get("measurement")
+            if not hasattr(measurement, "first"):
+                raise ParameterError(
+                    f"neighbors is {neighbors}: the method {texton_map.method!r} looks at none, "
+                    "leave it out"
+                )
+            parts = parts | {"measurement": measurement.first(whole(neighbors, "neighbors"))}
+        self.map, self.parts, self.samples, self.rng = texton_map, parts, samples, rng
+        self._nearest, self._mark = nearest, mark or (lambda stage: None)
+        self.filter: RunningFilter = parts["filter"].open(parts, texton_map, rng)
+        appearance = parts.get("appearance")
+        self._appearance = None if appearance is None else appearance.open(texton_map, rng)
+        odometry = parts.get("odometry")
+        self._odometry = None if odometry is None else odometry.open(texton_map.period_s)
+
+    @cached_property
+    def nearest(self) -> NearestHistograms:
+        """The search for the most similar training histograms."""
+        if self._nearest is not None:
+            return self._nearest
+        k = getattr(self.parts.get("measurement"), "neighbors", self.map.neighbors)
+        most = min(k, len(self.map.histograms))
+        return NearestHistograms(
+            self.map.histograms, self.map.positions, most, distance=self.map.distance
         )
+
+    @cached_property
+    def _shares(self) -> bool:
+        """Whether the map holds relative frequencies, not values of other features."""
+        rows = self.map.histograms
+        sums = np.abs(rows.sum(axis=1) - 1) <= SUM_TOLERANCE
+        return bool(sums.all() and (rows >= 0).all())
+
+    def growth(self, dt: float) -> np.ndarray:
+        """``(2, 2)`` square metres that `dt` seconds unseen add to a position's covariance."""
+        return self.parts["motion"].growth(dt)
+
+    def reset(self) -> None:
+        """Forget where the vehicle was."""
+        self.filter.reset()
+        for part in (self._appearance, self._odometry):
+            if part is not None:
+                part.reset()
+
+    def view(self, frame: np.ndarray, *, aiding: Aiding | None = None) -> np.ndarray:
+        """A frame in the view in which the map counts; itself where it counts what is given."""
+        if "view" not in self.parts or aiding is None or frame.ndim == 1:
+            return frame
+        return self.parts["view"].frame(frame, aiding)
+
+    def observe(self, frame: np.ndarray, *, aiding: Aiding | None = None) -> np.ndarray:
+        """``(K,)`` histogram of a frame, which is an ``(H, W, 3) uint8`` image or already a
+        histogram.
+
+        Raises
+        ------
+        ImageError, MapError
+            The frame does not fit the map.
+        """
+        self._check(frame)
+        return self._histogram(self.view(frame, aiding=aiding), aiding)
+
+    def step(
+        self,
+        frame: np.ndarray | None,
+        *,
+        aiding: Aiding | None = None,
+        time: float | None = None,
+        samples: int | None = None,
+    ) -> Estimate:
+        """Localize one frame; None stands for a frame that did not come, and only predicts.
+
+        Parameters
+        ----------
+        frame : array or None
+            An ``(H, W, 3) uint8`` image, or a ``(K,)`` histogram.
+        aiding : Aiding, optional
+            What the autopilot knows at this frame.
+        time : float, optional
+            Seconds, of the frame.
+        samples : int, optional
+            Patches behind a histogram that is given; None if all were counted or nobody knows.
+
+        Raises
+        ------
+        ImageError, MapError
+            The frame does not fit the map; the filter is left as it was.
+        ParameterError
+            `samples` is no whole number of at least 1; the filter is left as it was.
+        """
+        if frame is None:
+            return self.advance(None)
+        if np.ndim(frame) != 1:
+            samples = self.samples
+        elif samples is not None:
+            samples = whole(samples, "samples")
+        return self.advance(self.observation(frame, aiding=aiding, time=time, samples=samples))
+
+    def advance(self, observation: Observation | None) -> Estimate:
+        """As `step`, with an observation that was made by `observation`."""
+        if observation is None and self._odometry is not None:
+            self._odometry.missed()
+        if self._appearance is not None and observation is not None:
+            observation.histogram  # noqa: B018  the appearance takes the frame first
+            observation.familiar = self._appearance.settled
+        self.filter.step(observation)
+        self._mark("filter")
+        estimate = self.filter.estimate()
+        if self._appearance is not None:
+            estimate = replace(estimate, lost=estimate.lost or not self._appearance.settled)
+            self._appearance.locate(estimate)
+        self._mark("estimate")
+        if observation is None:
+            return replace(estimate, observed=False, measurement=None)
+        histogram, neighbors = observation.computed
+        return replace(estimate, observed=True, histogram=histogram, neighbors=neighbors)
+
+    def observation(
+        self,
+        frame: np.ndarray,
+        *,
+        aiding: Aiding | None = None,
+        time: float | None = None,
+        samples: int | None = None,
+    ) -> Observation:
+        """What a frame brings; `samples` were counted for it, None if all were or nobody knows.
+
+        With odometry each frame is seen in relation to the one before: give them in order.
+
+        Raises
+        ------
+        ImageError, MapError
+            The frame does not fit the map.
+        """
+        self._check(frame)
+        if self._odometry is not None and frame.ndim > 1:
+            aiding = self._odometry.aid(frame, aiding, time)
+        seen = cache(partial(self.view, frame, aiding=aiding))
+        if self._appearance is not None and frame.ndim > 1:
+            aiding = self._appearance.aid(seen(), aiding)
+        return Observation(
+            None if frame.ndim == 1 else frame,
+            aiding=aiding,
+            time=time,
+            samples=samples,
+            histogram=lambda: self._histogram(seen(), aiding),
+            neighbors=self._neighbors,
+        )
+
+    def _check(self, frame: np.ndarray) -> None:
+        width = self.map.histograms.shape[1]
+        if isinstance(frame, np.ndarray) and frame.ndim == 1:
+            numbers = frame.dtype.kind in "fiu" and np.isfinite(frame).all()
+            if frame.shape != (width,) or not numbers:
+                raise MapError(
+                    f"a histogram of {frame.dtype} of shape {frame.shape} was given: "
+                    f"this map takes {width} finite frequencies"
+                )
+            # Counts, that is: shares to which a trace of the last frame was added are let pass, and
+            # so is a frame in which nothing was found to count.
+            if self._shares and frame.any() and not 0.5 <= frame.sum() <= 2:
+                raise MapError(
+                    f"a histogram that sums to {frame.sum():.4g} was given: this map takes "
+                    "relative frequencies, which sum to 1, divide counts by their sum"
+                )
+            return
+        if self.map.dictionary is None and getattr(frame, "ndim", 0) != 3:
+            shape = f" of shape {frame.shape}" if hasattr(frame, "shape") else ""
+            raise MapError(
+                f"a {type(frame).__name__}{shape} was given: this map takes an array of {width} "
+                "finite frequencies, as numpy.asarray makes it"
+            )
+        check_image(frame)
+        if self.map.dictionary is None or self.map.image_shape is None:
+            raise MapError(
+                "an image was given, but this map was trained from histograms only "
+                "and holds no textons: give histograms, or train on a flight with images"
+            )
+        if frame.shape[:2] != self.map.image_shape:
+            (rows, columns), before = self.map.image_shape, self.map.rectification
+            advice = "set the camera to that size"
+            if before is not None:
+                width, height = before.source
+                advice = f"apply the map's rectification to the camera's {width}x{height}"
+            raise ImageError(
+                f"the frame is {frame.shape[1]}x{frame.shape[0]}, but the map was trained on "
+                f"{columns}x{rows}: {advice}"
+            )
+
+    def _histogram(self, frame: np.ndarray, aiding: Aiding | None) -> np.ndarray:
+        """Of a frame in the view of the map."""
+        dictionary, cells = self.map.dictionary, self.map.cells
+        if dictionary is None or frame.ndim == 1:
+            return frame
+        if self._appearance is not None:
+            yaw = None if aiding is None or "view" in self.parts else aiding.yaw
+            self._appearance.update(frame, yaw)
+            frame = self._appearance.corrected(frame)
+        if self.samples is None:
+            histogram = texton_histogram(frame, dictionary, cells=cells)
+        else:
+            histogram = sampled_histogram(
+                frame, dictionary, self.samples, rng=self.rng, cells=cells
+            )
+        self._mark("histogram")
+        return histogram
+
+    def _neighbors(self, histogram: np.ndarray) -> Neighbors:
+        neighbors = self.nearest.query(histogram)
+        self._mark("neighbors")
+        return neighbors

@@ -16,8 +16,7 @@ from trexton.base.arrays import DAMAGE, read_arrays
 from trexton.base.errors import DataError, MapError, ParameterError
 from trexton.base.files import atomic_file, canonical_json
 from trexton.localization.base import Part
-from trexton.localization.methods import fitting
-from trexton.localization.roles import name_of, part_class
+from trexton.localization.methods import fitting, name_of, part_class
 from trexton.localization.texton_map import TextonMap
 from trexton.vision.rectification import Rectification
 from trexton.vision.textons import TextonDictionary

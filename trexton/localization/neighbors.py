@@ -2,25 +2,21 @@
 Neighbors").
 
 Exact; equal distances rank by index. Euclidean distance, between the histograms or what another
-distance makes of them. Brute force in NumPy or, where there are many and SciPy is there, its k-d
-tree find the candidates, whose distances are then measured alike: the bits are the same.
+distance makes of them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.base.progress import progress
-from trexton.localization.distances import Distance
+from trexton.localization.distances import Distance, Euclidean
 
 __all__ = ["NearestHistograms", "Neighbors", "neighbors_in_flight"]
 
-METHODS = ("brute", "tree")
-TREE_FROM = 20_000  # histograms: with fewer, loading SciPy takes longer than it saves
 _ROUNDING = 1e-12  # more than a sum of 256 products can be off
 
 
@@ -53,8 +49,6 @@ class NearestHistograms:
         Metres.
     k : int
         Neighbours to return, at most N.
-    method : {"brute", "tree"} or None
-        None chooses by N.
     distance : Distance, optional
         Euclidean unless given.
 
@@ -63,7 +57,7 @@ class NearestHistograms:
     MapError
         Shapes disagree, or a histogram is not finite.
     ParameterError
-        k is not between 1 and N, or the method is unknown.
+        k is not between 1 and N.
     """
 
     def __init__(
@@ -71,7 +65,6 @@ class NearestHistograms:
         histograms: np.ndarray,
         positions: np.ndarray,
         k: int = 5,
-        method: str | None = None,
         distance: Distance | None = None,
     ):
         histograms = np.asarray(histograms, dtype=np.float64)
@@ -86,19 +79,13 @@ class NearestHistograms:
             raise ParameterError(
                 f"k is {k}: expected 1 to {len(histograms)}, the training histograms"
             )
-        if method not in (None, *METHODS):
-            raise ParameterError(
-                f"method {method!r} is unknown: choose one of {', '.join(METHODS)}"
-            )
-        self.positions, self.k, self.distance = positions, k, distance
+        self.positions, self.k, self.distance = positions, k, distance or Euclidean()
         self._shape = histograms.shape[1:]
-        self._rows = histograms if distance is None else distance.features(histograms)
-        if distance is None or distance.embedded:
+        self._rows = self.distance.features(histograms)
+        if self.distance.embedded:
             self._columns = np.array(self._rows.T, order="C")
             squared = np.einsum("ij,ij->i", self._rows, self._rows)
             self._half, self._largest = 0.5 * squared, squared.max()
-            tree = method == "tree" or (method is None and len(histograms) >= TREE_FROM)
-            self._tree = _kd_tree(self._rows) if tree else None
 
     def query(self, histogram: np.ndarray, k: int | None = None) -> Neighbors:
         """The k nearest of one histogram ``(K,)``; another k, up to N, may be asked for.
@@ -116,9 +103,7 @@ class NearestHistograms:
                 f"found shape {histogram.shape}: "
                 "use the dictionary that the map was trained with"
             )
-        if self.distance is None:
-            index, apart = self._nearest(histogram, k)
-        elif self.distance.embedded:
+        if self.distance.embedded:
             index, apart = self._nearest(self.distance.features(histogram), k)
         else:
             apart = self.distance.between(histogram[None], self._rows)[0]
@@ -138,22 +123,9 @@ class NearestHistograms:
 
     def _candidates(self, query: np.ndarray, k: int) -> np.ndarray:
         """All rows that may be among the first k, rounding allowed for, in rising order."""
-        if self._tree is not None:
-            reach = self._tree.query(query, [k])[0][0]
-            near = self._tree.query_ball_point(query, reach * (1 + 1e-9), return_sorted=True)
-            return np.array(near, dtype=np.int64)
         closeness = self._half - query @ self._columns  # half the squared distance, less a constant
         margin = _ROUNDING * (query @ query + self._largest)
         return np.flatnonzero(closeness <= np.partition(closeness, k - 1)[k - 1] + margin)
-
-
-def _kd_tree(rows: np.ndarray) -> Any:
-    """SciPy's tree; None where it is not installed, as on board."""
-    try:
-        from scipy.spatial import cKDTree
-    except ImportError:
-        return None
-    return cKDTree(rows)
 
 
 def neighbors_in_flight(

@@ -27,8 +27,7 @@ from trexton.evaluation.held_out import replay, stretches
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.methods import compose
-from trexton.localization.roles import make
+from trexton.localization.methods import compose, make
 from trexton.localization.training import for_method, train_map, with_choices, with_parts
 
 __all__ = ["Bench", "Tried", "choose", "commands", "flags", "frontier", "replayed_errors", "search"]

@@ -53,8 +53,7 @@ from trexton.evaluation.runtime import of_frames
 from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.methods import compose
-from trexton.localization.roles import make
+from trexton.localization.methods import compose, make
 from trexton.localization.training import for_method, train_map, with_parts
 
 PLACES = 3  # hardest places that are named

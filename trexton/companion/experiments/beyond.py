@@ -34,7 +34,7 @@ from trexton.companion.wording import beside, interval, middle, percent
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.roles import make
+from trexton.localization.methods import make
 from trexton.localization.training import for_method, with_choices, with_parts
 
 WIDE_M = 0.25  # process noise and rank widths of the ablations

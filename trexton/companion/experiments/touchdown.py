@@ -41,7 +41,7 @@ from trexton.evaluation.metrics import mean_over_groups, success_rate
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.localization.localizer import TextonMap
-from trexton.localization.roles import make
+from trexton.localization.methods import make
 from trexton.localization.training import for_method, train_map, with_parts
 from trexton.simulator import record_flight
 
