@@ -93,6 +93,22 @@ def test_a_given_yaw_is_used_while_the_vehicle_turns(surveyed):
     assert not lost[20:].any()
 
 
+def test_a_search_takes_a_given_yaw_as_it_is(surveyed):
+    """And not the turn since the frame before beside it, which is in it already."""
+    floor, texton_map = surveyed
+    simulator = Simulator(floor, camera=CAMERA, rng=np.random.default_rng(2))
+    frame, turn = simulator.render(), np.zeros(5)
+    turn[3] = 0.1
+    tracked = texton_map.parts["appearance"]
+    appearance = tracked.open(texton_map, np.random.default_rng(0))
+    appearance._search()
+    for each in (frame, corrected_frame(frame, turn, np.zeros(4))):
+        appearance.aid(each, None)
+        appearance.update(each, float(tracked.survey_yaw) + 0.5)
+        assert appearance.mean[3] == pytest.approx(0.5, abs=1e-9)
+    assert abs(appearance._moved[0]) > 0.05  # it did turn
+
+
 def test_a_turn_is_followed_without_a_yaw(surveyed):
     """By what the frames show of it; before, it was followed only once it was lost."""
     errors, lost, appearance = flown(surveyed, rate=np.radians(60) / 140)

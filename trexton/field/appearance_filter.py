@@ -163,6 +163,8 @@ class AppearanceFilter:
         covariance = self.covariance + np.diag(np.square(walk))
         wide = np.maximum(1, np.sqrt(np.diag(covariance)) / self._most)
         self.covariance = covariance / np.outer(wide, wide)
+        if self._bank is not None:
+            self._bank[:, HEADING] += turn
         self._active = self._free
         if yaw is not None and np.isfinite(self._survey_yaw):
             heading = np.arctan2(*(f(yaw - self._survey_yaw) for f in (np.sin, np.cos)))
@@ -171,7 +173,6 @@ class AppearanceFilter:
             if self._bank is not None:
                 self._bank[:, HEADING] = heading
         if self._bank is not None:
-            self._bank[:, HEADING] += turn
             self._select(frame, self._bank)
         elif self._wait:
             self._wait -= 1
