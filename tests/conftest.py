@@ -88,7 +88,7 @@ def motion():
     """What the small survey says of how its vehicle moves."""
     from small_survey import training
 
-    from trexton.field.singer import Singer
+    from trexton.field.linear_motion import Singer
 
     return Singer().fit(training())
 

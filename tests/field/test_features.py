@@ -6,7 +6,7 @@ from small_survey import errors_of, look, path, training
 
 from trexton.field.features import MAX_COMPONENTS, MAX_FEATURES, Features
 from trexton.field.field import Field
-from trexton.field.singer import Singer
+from trexton.field.linear_motion import Singer
 from trexton.field.tracks import TrackFilter
 
 

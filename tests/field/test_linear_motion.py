@@ -8,9 +8,7 @@ from small_room import histogram_flight
 from small_survey import AREA, errors_of, path, training
 
 from trexton.base.errors import ParameterError
-from trexton.field.constant_velocity import ConstantVelocity
-from trexton.field.linear_motion import LinearMotion, flight_statistics
-from trexton.field.singer import Singer
+from trexton.field.linear_motion import LinearMotion, Singer, flight_statistics
 from trexton.field.tracks import TrackFilter
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
@@ -55,10 +53,7 @@ class CoordinatedTurn(LinearMotion):
         return np.stack(columns, axis=-1)
 
 
-MODELS = [Singer, ConstantVelocity, CoordinatedTurn]
-
-
-@pytest.mark.parametrize("kind", MODELS)
+@pytest.mark.parametrize("kind", [Singer, CoordinatedTurn])
 def test_the_filter_of_method_field_takes_any_of_them(field, later, kind):
     tracker = TrackFilter(kind().fit(training()), field, AREA)
     errors = errors_of(tracker, *later)
@@ -67,11 +62,10 @@ def test_the_filter_of_method_field_takes_any_of_them(field, later, kind):
     assert speed == pytest.approx((places[-1] - places[-2]) / 0.08, abs=0.3)
 
 
-@pytest.mark.parametrize("name", ["constant-velocity", f"{__name__}:CoordinatedTurn"])
-def test_one_is_chosen_by_name_and_flown_from_the_stored_map(tmp_path, name):
+def test_ones_own_is_chosen_by_name_and_flown_from_the_stored_map(tmp_path):
     flight = histogram_flight("hall", frames=200)
     rng = np.random.default_rng(1)
-    trained = train_map(flight, method="field", motion=name, rng=rng)
+    trained = train_map(flight, method="field", motion=f"{__name__}:CoordinatedTurn", rng=rng)
     texton_map = load_map(save_map(trained, tmp_path / "map.npz"))
     localizer = Localizer(texton_map, rng=np.random.default_rng(3))
     for histogram in flight.histograms[:20]:
@@ -80,9 +74,7 @@ def test_one_is_chosen_by_name_and_flown_from_the_stored_map(tmp_path, name):
     assert estimate.joint.shape == (4, 4)
 
 
-@pytest.mark.parametrize("kind", [Singer, ConstantVelocity])
-def test_a_step_is_two_halves(kind):
-    motion = kind().fit(training())
+def test_a_step_is_two_halves(motion):
     whole, noise = motion.over(0.2)
     half, part = motion.over(0.1)
     np.testing.assert_allclose(whole, half @ half, atol=1e-12)
@@ -118,7 +110,5 @@ def test_agility_takes_accelerations_larger_than_flown(motion):
     assert float(motion.acceleration) == pytest.approx(2 * float(once.acceleration))
     with pytest.raises(ParameterError, match="agility"):
         Singer(agility=0.0)
-    twice, once = (ConstantVelocity(agility).fit(training()) for agility in (2.0, 1.0))
-    assert float(twice.intensity) == pytest.approx(4 * float(once.intensity))
     with pytest.raises(ParameterError, match="agility"):
-        ConstantVelocity(agility=np.inf)
+        Singer(agility=np.inf)

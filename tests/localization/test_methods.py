@@ -252,7 +252,7 @@ def test_what_is_no_part_cannot_be_set(word):
 
 
 def test_other_parts_that_fit_are_taken_and_what_is_no_longer_read_goes():
-    choices = {"filter": "tracks", "motion": "constant-velocity", "measurement": "field"}
+    choices = {"filter": "tracks", "motion": "singer", "measurement": "field"}
     texton_map = with_choices(trained(), choices)
     assert set(texton_map.parts) == set(choices)
     assert np.isfinite(flown(texton_map)).all()

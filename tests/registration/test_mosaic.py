@@ -15,11 +15,17 @@ from trexton.flights.frames import ImageFiles
 from trexton.registration import mosaic as stitching
 from trexton.registration.adjust import adjust, link_errors
 from trexton.registration.homography import Keypoints
-from trexton.registration.layout import layout
+from trexton.registration.layout import (
+    assemble,
+    connected,
+    differences,
+    layout,
+    solve,
+    steps,
+)
 from trexton.registration.links import Anchors, Links, match_frames
 from trexton.registration.mosaic import map_from_links, stitch
 from trexton.registration.poses import floor_jacobian, floor_points, world_from_pixel
-from trexton.registration.sparse import assemble, connected, differences, solve, steps
 from trexton.simulator import Effects, record_flight
 from trexton.vision.camera import Camera, transform_points
 

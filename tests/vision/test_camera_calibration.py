@@ -26,7 +26,7 @@ def tens(first: str, following: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-@pytest.mark.parametrize("suffix", [".yml", ".xml", ".json"])
+@pytest.mark.parametrize("suffix", [".yml", ".json"])
 def test_opencv_s_own_file_with_all_the_points_it_saw(tmp_path, suffix):
     path = tmp_path / f"camera{suffix}"
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
@@ -54,7 +54,7 @@ def test_without_distortion_there_is_none(tmp_path):
         (ASL.replace("64", "9999999"), "expected a picture of"),
         (ASL.replace("50.0", "-80.0"), "expected sizes and a focal length above 0"),
         (ASL.replace("0.1", ".nan"), "expected a picture of"),
-        (ASL.replace("intrinsics", "interests"), "neither"),
+        (ASL.replace("intrinsics", "interests"), "no calibration"),
     ],
 )
 def test_of_no_camera(tmp_path, what, why):

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from plain import plain_labels
 
-from trexton.vision.kernels import compiled
-from trexton.vision.kernels.label_rows import label_rows
+from trexton.vision.kernels import compiled, label_rows
 
 # Prints a digest of labels, dictionary and neighbours that depends on the seed alone.
 PROGRAM = """

@@ -8,8 +8,8 @@ from plain import plain_kohonen_steps
 
 from trexton.base.errors import ImageError, MapError, ParameterError, TrextonError
 from trexton.flights import read_flight
+from trexton.vision import kernels
 from trexton.vision import textons as textons_module
-from trexton.vision.kernels import kohonen_steps
 from trexton.vision.patches import draw_patches, gather_patches
 from trexton.vision.textons import METHODS, TextonDictionary, learn_textons
 
@@ -38,7 +38,7 @@ def test_learning_follows_its_definition_to_the_bit(rng, method, monkeypatch):
 def _with_plain_steps(monkeypatch):
     """First with the compiled kernel, then with `plain_kohonen_steps` in its place."""
     yield
-    monkeypatch.setattr(kohonen_steps, "kohonen_steps", plain_kohonen_steps)
+    monkeypatch.setattr(kernels, "kohonen_steps", plain_kohonen_steps)
     yield
 
 

@@ -36,8 +36,7 @@ ROLES: dict[str, dict[str, str]] = {
     "odometry": {"visual": "trexton.localization.odometry:Visual"},
     "motion": {
         "random-walk": "trexton.localization.motion:RandomWalk",
-        "singer": "trexton.field.singer:Singer",
-        "constant-velocity": "trexton.field.constant_velocity:ConstantVelocity",
+        "singer": "trexton.field.linear_motion:Singer",
     },
     "measurement": {
         "rank-mixture": "trexton.localization.measurement:RankMixture",

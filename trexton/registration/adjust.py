@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
+from trexton.registration.layout import Sparse, assemble, differences, pick, solve
 from trexton.registration.links import Anchors, Links
 from trexton.registration.poses import PARAMETERS, TYPICAL, floor_jacobian, floor_points
-from trexton.registration.sparse import Sparse, assemble, differences, pick, solve
 
 __all__ = ["adjust", "link_errors"]
 

@@ -4,7 +4,6 @@ and light."""
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -13,17 +12,45 @@ import numpy as np
 
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.options import number
-from trexton.simulator.effects import Light
 from trexton.simulator.hall import paint_hall
 from trexton.simulator.layouts import layout
 from trexton.simulator.mats import PIXELS_PER_METRE
-from trexton.vision.camera import MapImage, outline
+from trexton.vision.camera import MapImage
 from trexton.vision.images import read_picture
 
-__all__ = ["Floor", "Texture"]
+__all__ = ["Floor", "Light", "Texture"]
 
 MARGIN = 1.25  # metres of ground around it: a camera above its edge still sees something
 GROUND = (140, 147, 150)  # BGR of bare concrete
+
+
+@dataclass(frozen=True)
+class Light:
+    """The hall's light: brightness, colour and evenness.
+
+    Attributes
+    ----------
+    gain : float
+        Brightness.
+    warmth : float
+        Share by which red gains and blue loses.
+    gradient : (float, float)
+        Share by which the light grows from the middle of the floor to its right and to its far
+        edge.
+    """
+
+    gain: float = 1.0
+    warmth: float = 0.0
+    gradient: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def later(cls) -> Light:
+        """An hour later: the sun has moved on."""
+        return cls(gain=0.97, warmth=0.02, gradient=(0.03, -0.02))
+
+    def channel_gains(self) -> np.ndarray:
+        """``(3,)`` factors of blue, green and red."""
+        return self.gain * np.array([1 - self.warmth, 1.0, 1 + self.warmth])
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,46 +96,6 @@ class Floor:
         return _painted(layout, seed)
 
     @classmethod
-    def from_photograph(
-        cls,
-        path: str | os.PathLike[str],
-        corners: Sequence[Sequence[float]],
-        width: float,
-        length: float,
-    ) -> Floor:
-        """A photograph of a floor, taken from any side, its four corners clicked.
-
-        Parameters
-        ----------
-        path : path
-        corners : four pairs
-            Pixels (column, row) of upper left, upper right, lower right, lower left.
-        width, length : float
-            Metres along the upper side, and from it to the lower one.
-
-        Raises
-        ------
-        ImageError, ParameterError
-            See `from_file`; or the corners are no convex quadrilateral in that order.
-        """
-        width, length = _side("width", width), _side("length", length)
-        photograph, _ = _picture(path)
-        source = np.array(corners, dtype=np.float32)
-        sides = np.roll(source, -1, axis=0) - source if source.shape == (4, 2) else np.zeros((4, 2))
-        following = np.roll(sides, -1, axis=0)
-        turns = sides[:, 0] * following[:, 1] - sides[:, 1] * following[:, 0]
-        if not (turns > 0).all():
-            raise ParameterError(
-                f"corners {np.array(corners).tolist()}: expected upper left, upper right, lower "
-                "right and lower left of the floor"
-            )
-        scale = min(PIXELS_PER_METRE, float(np.hypot(*sides.T).max()) / min(width, length))
-        columns, rows = round(width * scale), round(length * scale)
-        matrix = cv2.getPerspectiveTransform(source, outline(columns, rows).astype(np.float32))
-        image = cv2.warpPerspective(photograph, matrix, (columns, rows), flags=cv2.INTER_AREA)
-        return cls(MapImage.from_extent(image, 0.0, length, columns / width))
-
-    @classmethod
     def from_file(cls, path: str | os.PathLike[str], width: float) -> Floor:
         """A picture file as a floor `width` metres wide, its lower left corner at the origin.
 
@@ -122,7 +109,12 @@ class Floor:
             A side, `width` or the one that the picture's shape gives, is not 0.5 to 50 m.
         """
         width = _side("width", width)
-        image, mask = _picture(path)
+        picture = read_picture(path)
+        if picture is None:
+            raise ImageError(
+                f"{path}: not a readable picture: give a PNG or JPEG file of the floor"
+            )
+        image, mask = picture
         scale = image.shape[1] / width
         length = _side("length, by the shape of its picture,", image.shape[0] / scale)
         return cls(MapImage.from_extent(image, 0.0, length, scale, mask))
@@ -181,14 +173,6 @@ class Floor:
 
 def _side(side: str, metres: float) -> float:
     return number(metres, f"the floor's {side}", low=0.5, high=50)
-
-
-def _picture(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | None]:
-    """See `read_picture`; raises `ImageError` where the file is none."""
-    picture = read_picture(path)
-    if picture is None:
-        raise ImageError(f"{path}: not a readable picture: give a PNG or JPEG file of the floor")
-    return picture
 
 
 @lru_cache(maxsize=2)

@@ -1,17 +1,20 @@
 """The image sensor turns light to bytes, in integers, so that equal scenes give equal frames
-everywhere. Offers `Sensor`."""
+everywhere. Offers `Sensor`, and `Effects`: what stands between a perfect picture of the floor and
+a camera's frame."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
-from trexton.simulator.effects import Effects
+from trexton.base.options import Options, option
 from trexton.vision.camera import Camera
 from trexton.vision.images import decode_image, yuv_from_bgr
 from trexton.vision.kernels import compiled
 
-__all__ = ["Sensor"]
+__all__ = ["Effects", "Sensor"]
 
 _ONE = 12  # fractional bits of gains
 _NOISE = 8  # fractional bits of the noise and of its strength; every product stays within 32 bits
@@ -20,6 +23,54 @@ _SPARE = 256  # the noise tile is this much larger than the frame, so that it ca
 _int = np.int32
 _HALF = _int(1 << (_ONE - 1))
 _HALF_NOISE = _int(1 << (2 * _NOISE - 1))
+
+
+@dataclass(frozen=True)
+class Effects(Options):
+    """Strength of each effect, 0 for off; the defaults are those of a small quadrotor indoors."""
+
+    roll_pitch: float = option(
+        1.0, "share of the vehicle's tilt that the camera sees; 0 is kept level", low=0, high=1
+    )
+    yaw: float = option(0.03, "standard deviation of the heading in radians", low=0, high=0.5)
+    height_ripple: float = option(
+        0.03, "standard deviation of the height in metres", low=0, high=0.2
+    )
+    motion_blur: float = option(
+        0.010, "exposure time in seconds, over which the true motion smears", low=0, high=0.04
+    )
+    rolling_shutter: float = option(
+        0.025, "seconds between the readout of the first and of the last row", low=0, high=0.08
+    )
+    exposure: float = option(
+        0.02, "deviation of the slow changes of the camera's gain, as a share", low=0, high=0.3
+    )
+    vignetting: float = option(
+        0.25, "share of the light that is lost in the corners", low=0, high=0.9
+    )
+    noise: float = option(
+        2.5, "deviation of the sensor's noise at mid grey, in grey levels", low=0, high=25
+    )
+    chroma_subsampling: float = option(
+        1.0, "1: two pixels in a row share U and V (4:2:2), as a camera delivers", low=0, high=1
+    )
+    jpeg: float = option(
+        92.0, "quality of the JPEG files, 1 to 100; off, files are lossless PNG", low=0, high=100
+    )
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """The names of all effects."""
+        return tuple(each.name for each in cls.declared())
+
+    @classmethod
+    def none(cls) -> Effects:
+        """Everything off: a perfect camera, level and at constant height."""
+        return cls(**dict.fromkeys(cls.names(), 0.0))
+
+    def without(self, *names: str) -> Effects:
+        """These effects switched off, the others as they are."""
+        return replace(self, **self.checked(dict.fromkeys(names, 0.0), "a camera"))
 
 
 # Each function takes one row of one plane, so that the compiler makes vector instructions of its

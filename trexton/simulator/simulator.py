@@ -7,9 +7,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from trexton.simulator.effects import Effects, Light
-from trexton.simulator.floor import Floor
-from trexton.simulator.sensor import Sensor
+from trexton.simulator.floor import Floor, Light
+from trexton.simulator.sensor import Effects, Sensor
 from trexton.simulator.vehicle import Vehicle, VehicleState
 from trexton.vision.camera import Camera, MapImage, transform_points
 

@@ -1,4 +1,4 @@
-"""Camera calibrations: an ASL ``sensor.yaml``, a file that OpenCV's calibration writes, or
+"""Camera calibrations: an ASL ``sensor.yaml``, YAML or JSON that OpenCV's calibration writes, or
 Kalibr's ``camchain.yaml``."""
 
 from __future__ import annotations
@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -88,16 +87,15 @@ def _read(path: Path, meant: Callable[[Mapping[str, Any]], _Meant]) -> _Meant:
     try:
         if len(text) > MOST_CHARACTERS or sum(map(text.count, OPENING)) > MOST_OPENINGS:
             raise ValueError("too long or too deep for one")
-        return meant(_xml(text) if text.lstrip().startswith("<") else _yaml(text))
+        return meant(_yaml(text))
     except ParameterError as error:  # a calibration, but of no camera
         raise FlightError(f"{path}: {error}: correct it") from None
     except (
-        ArithmeticError, AttributeError, LookupError, RecursionError, SyntaxError, TypeError,
-        ValueError,
+        ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
     ) as error:  # fmt: skip
         why = " ".join(str(error).split())[:200]
         raise FlightError(
-            f"{path}: neither a calibration of OpenCV nor of ASL nor of Kalibr ({why}): correct it"
+            f"{path}: no calibration of OpenCV (YAML or JSON), ASL or Kalibr ({why}): correct it"
         ) from None
 
 
@@ -140,18 +138,3 @@ def _yaml(text: str) -> Mapping[str, Any]:
         return yaml.load(lines, Loader)  # a safe loader: it makes no objects
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from None
-
-
-def _xml(text: str) -> Mapping[str, Any]:
-    """The children of the root by name, and theirs; words that blanks part as a list."""
-    if "<!ENTITY" in text:
-        raise ValueError("an entity in it")
-    root = ElementTree.fromstring(text)
-    return {
-        child.tag: {each.tag: _words(each) for each in child} or _words(child) for child in root
-    }
-
-
-def _words(element: ElementTree.Element) -> str | list[str]:
-    words = (element.text or "").split()
-    return words[0] if len(words) == 1 else words

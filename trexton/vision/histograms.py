@@ -5,7 +5,7 @@ Every patch gets the label of its nearest texton; a histogram is the relative fr
 label. Labels are decided on integers, so that any number of threads gives the same bits. An image
 is ``(H, W, 3) uint8`` (Y, U, V).
 
-Full sampling runs in a compiled kernel (`trexton.vision.kernels.label_rows`). A few hundred samples
+Full sampling runs in a compiled kernel (`trexton.vision.kernels`). A few hundred samples
 stay with NumPy: there numba would gain less than it costs to load.
 """
 
@@ -134,7 +134,7 @@ def _label(
     """Labels of all positions, and how often each occurs in each of the cells."""
     from numba import config
 
-    from trexton.vision.kernels.label_rows import label_rows  # numba takes a while to load
+    from trexton.vision.kernels import label_rows  # numba takes a while to load
 
     if config.DISABLE_JIT:  # type: ignore[attr-defined]  # numba sets it as it is imported
         raise ParameterError("images are labelled by compiled code: unset NUMBA_DISABLE_JIT")

@@ -111,7 +111,7 @@ class TextonDictionary:
         """``(G, P ceil(3 P / 4), 4) int32``: t - 128 as signed bytes, four a word, in groups of 4
         textons.
 
-        The layout of `trexton.vision.kernels.label_rows`; missing bytes and textons are 0.
+        The layout of `trexton.vision.kernels`; missing bytes and textons are 0.
         """
         groups, row_bytes = -(-self.n_textons // 4), 3 * self.patch
         padded = np.zeros((4 * groups, self.patch, -(-row_bytes // 4) * 4), dtype=np.int8)
@@ -234,7 +234,7 @@ def learn_textons(
         start = flat[rng.permutation(min(FIRST, len(flat)))[:n_textons]]
         gains = _round_gains(np.r_[WINNER_RATE, np.zeros(n_textons - 1)][None])
     textons = np.resize(start, (n_textons, flat.shape[1])).astype(np.float64)
-    from trexton.vision.kernels.kohonen_steps import kohonen_steps  # numba takes a while to load
+    from trexton.vision.kernels import kohonen_steps  # numba takes a while to load
 
     kohonen_steps(flat, textons, gains, GRAIN)
     rounded = np.rint(textons).astype(np.uint8).reshape(n_textons, *patches.shape[1:])

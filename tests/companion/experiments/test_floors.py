@@ -53,23 +53,6 @@ def test_equal_seeds_judge_equally(picture):
     assert first["predicted_cm"] == second["predicted_cm"]
 
 
-def test_a_photograph_is_straightened(picture, tmp_path):
-    image = cv2.imread(str(picture))
-    corners = np.array([[60, 40], [330, 70], [360, 300], [30, 330]], np.float32)
-    flat = np.array([[-0.5, -0.5], [299.5, -0.5], [299.5, 299.5], [-0.5, 299.5]], np.float32)
-    seen = cv2.warpPerspective(image, cv2.getPerspectiveTransform(flat, corners), (400, 380))
-    cv2.imwrite(str(tmp_path / "photo.png"), seen)
-    floor = Floor.from_photograph(tmp_path / "photo.png", corners.tolist(), 3.0, 3.0)
-    assert floor.area == (0, 3, 0, 3)
-    straight = cv2.resize(floor.picture.image, (300, 300)).astype(float)
-    agreement = np.corrcoef(cv2.blur(straight, (9, 9)).ravel(), cv2.blur(image, (9, 9)).ravel())[
-        0, 1
-    ]
-    assert agreement > 0.95
-    with pytest.raises(ParameterError, match="expected upper left"):
-        Floor.from_photograph(tmp_path / "photo.png", corners[::-1].tolist(), 3.0, 3.0)
-
-
 def test_names_of_painted_floors():
     assert named_floor("few:3").area == (0, 5, 0, 5)
     for name in ("few", "few:x", "attic:1", "few.png@", "few.png@wide"):
@@ -169,13 +152,7 @@ def test_no_picture_and_no_other_floor_is_written_over(picture, tmp_path, capsys
     ("more", "words"),
     [
         ([], "width"),
-        (["--width", "3", "--corners", "1,1", "2,1", "2,2", "1,2"], "--length"),
         (["--width", "3", "--seed", "-1"], "seed"),
-        (["--width", "3", "--length", "4"], "--length needs --corners"),
-        (
-            ["--width", "3", "--length", "4", "--corners", "1,1", "2,1,0", "2,2", "1,2"],
-            "pixels X,Y",
-        ),
     ],
 )
 def test_what_is_missing_is_said(picture, capsys, more, words):

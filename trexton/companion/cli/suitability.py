@@ -26,13 +26,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="plan, mosaic or photograph of a floor, or a painted one such as moved:3",
     )  # fmt: skip
     parser.add_argument("--width", type=float, metavar="M", help="width of the floor in metres")
-    parser.add_argument(
-        "--corners", nargs=4, metavar="X,Y",
-        help="pixels of the floor's corners in a photograph, clockwise from the upper left",
-    )  # fmt: skip
-    parser.add_argument(
-        "--length", type=float, metavar="M", help="its other side in metres, with --corners"
-    )
     add_options(parser, VirtualFlights)
     parser.add_argument("--out", metavar="DIR", help="write the heat maps and all numbers there")
 
@@ -51,8 +44,6 @@ def run(arguments: argparse.Namespace) -> int:
         from trexton.companion.experiments.suitability import predicted_errors
 
     flights = chosen_options(arguments, VirtualFlights)
-    if arguments.length is not None and not arguments.corners:
-        raise ParameterError("--length needs --corners too: without them a picture keeps its shape")
     floors = {name: _floor(name, arguments) for name in arguments.images}
     files = _files(Path(arguments.out), floors) if arguments.out else {}
     with working_on(processes=usable_cores()):
@@ -95,17 +86,6 @@ def _floor(name: str, arguments: argparse.Namespace) -> Any:
         return named_floor(name)
     if arguments.width is None:
         raise ParameterError(f"{name}: give the floor's width in metres, as in --width 5")
-    if arguments.corners:
-        if arguments.length is None:
-            raise ParameterError("--corners needs --length too, the floor's other side in metres")
-        try:
-            pairs = [word.split(",") for word in arguments.corners]
-            corners = [[float(x), float(y)] for x, y in pairs]
-        except ValueError:
-            raise ParameterError(
-                f"--corners {' '.join(arguments.corners)}: expected four pixels X,Y"
-            ) from None
-        return Floor.from_photograph(name, corners, arguments.width, arguments.length)
     return Floor.from_file(name, arguments.width)
 
 

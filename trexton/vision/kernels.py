@@ -1,9 +1,10 @@
-"""Nearest texton at every position of an image, in integers, four bytes at a time.
+"""What numba compiles of textons: the steps by which they are learned, and the nearest one at every
+position of an image. Offers `compiled`, `kohonen_steps` and `label_rows`.
 
-The largest score 2 p.t - |t|^2 marks the nearest texton. With w = t - 128, a signed byte, p.t is
-p.w plus 128 sum(p), the same for all textons. So a score is made of products of unsigned with
-signed bytes; some processors add four such products to each of 16 sums in one instruction, others
-get 16-bit pairs.
+Labels are found in integers, four bytes at a time. The largest score 2 p.t - |t|^2 marks the
+nearest texton. With w = t - 128, a signed byte, p.t is p.w plus 128 sum(p), the same for all
+textons. So a score is made of products of unsigned with signed bytes; some processors add four such
+products to each of 16 sums in one instruction, others get 16-bit pairs.
 
 A row of a patch is 3 P bytes of the image: ceil(3 P / 4) words. Word j at column x starts at byte 3
 x + 4 j; word j + 3 at x is thus word j at x + 4, and three planes of words serve a whole image row.
@@ -11,16 +12,72 @@ x + 4 j; word j + 3 at x is thus word j at x + 4, and three planes of words serv
 
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from trexton.vision.kernels import compiled
-
+# Sums of multiples of 2**-24 below 2**29 are exact in float64, so the order of additions is free
+# for vectorization.
+_EXACT = {"reassoc", "contract"}
 LANES, GROUP, BLOCK = 16, 4, 64
 _I8, _I16, _I32, _I64 = (ir.IntType(bits) for bits in (8, 16, 32, 64))
 _BYTES, _WORDS = ir.VectorType(_I8, LANES), ir.VectorType(_I32, LANES)
 _HALVES, _PRODUCTS = ir.VectorType(_I16, 2 * LANES), ir.VectorType(_I32, 2 * LANES)
+
+
+def compiled(**options):
+    """Numba's `njit`: what it makes is kept beside the module or in the user's cache.
+
+    Where neither can be written to, as for a service without a home, it is made at each start.
+    """
+
+    def decorate(function):
+        try:
+            return njit(cache=True, nogil=True, **options)(function)
+        except RuntimeError:  # no place
+            return njit(nogil=True, **options)(function)
+
+    return decorate
+
+
+@compiled(fastmath=_EXACT)
+def _squared_distance(texton, patch):
+    total = 0.0
+    for i in range(patch.size):
+        difference = patch[i] - texton[i]
+        total += difference * difference
+    return total
+
+
+@compiled(fastmath=_EXACT)
+def kohonen_steps(patches, textons, gains, grain):
+    """Move `textons` in place towards each patch in turn.
+
+    Parameters
+    ----------
+    patches : (N, D) uint8 array
+    textons : (K, D) float64 array
+        Multiples of 1 / `grain`, and they stay so.
+    gains : (S, K) float64 array
+        Gain by distance on the chain; row s serves the s-th of S equal parts of the patches.
+    """
+    n_patches, n_textons = len(patches), len(textons)
+    patch = np.empty(patches.shape[1])
+    for n in range(n_patches):
+        for i in range(patch.size):
+            patch[i] = patches[n, i]
+        winner, best = 0, _squared_distance(textons[0], patch)
+        for j in range(1, n_textons):
+            distance = _squared_distance(textons[j], patch)
+            if distance < best:
+                winner, best = j, distance
+        gain = gains[n * len(gains) // n_patches]
+        for j in range(n_textons):
+            g = gain[abs(j - winner)]
+            if g > 0:
+                texton = textons[j]
+                for i in range(patch.size):
+                    texton[i] = np.rint((texton[i] + g * (patch[i] - texton[i])) * grain) / grain
 
 
 def _constant(kind, value):
