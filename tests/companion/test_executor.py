@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
 from conftest import ROOT
 from patience import alive, eventually
 
@@ -45,12 +46,16 @@ def started(folder: Path) -> list[int]:
     return [int(path.name) for path in folder.iterdir() if path.name.isdigit()]
 
 
-def test_no_process_outlives_a_killed_parent(tmp_path):
+@pytest.mark.parametrize("slow_s", [0, 3])
+def test_no_process_outlives_a_killed_parent(tmp_path, slow_s):
+    """Not even where it is killed while its children still start, here for `slow_s` seconds."""
     script = (
         f"import sys; sys.path[:0] = {[str(ROOT / 'tests'), str(Path(__file__).parent)]!r}\n"
         "from test_executor import *\n"
         "if __name__ == '__main__':\n"
         f"    with working_on(processes=2): spread(linger, [{str(tmp_path)!r}] * 2)\n"
+        f"elif {slow_s}:\n"
+        f"    (Path({str(tmp_path)!r}) / str(os.getpid())).touch(); time.sleep({slow_s})\n"
     )
     file = tmp_path / "parent.py"
     file.write_text(script)

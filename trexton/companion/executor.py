@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import os
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import Any, TypeVar
 
 from trexton.base.progress import progress
@@ -77,12 +76,12 @@ def limited_threads(count: int) -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """End this process soon after the one that started it, which may be killed at any moment."""
-    parent = os.getppid()
+    """End this process with the one that started it, which may be killed even before this."""
+    parent = parent_process()
+    assert parent is not None, "this process was not started by multiprocessing"
 
     def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
+        parent.join()
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
