@@ -375,7 +375,6 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
                 b"paparazzi:7@127.255.255.255:2010",
                 b"udpout:127.0.0.1:14550",
                 b"udpin:0.0.0.0:14550",
-                b"tcp:localhost:5760",
                 b"serial:/dev/ttyS0:57600",
             ],
         ),

@@ -13,7 +13,7 @@ from onboard_autopilot import AUTOPILOT_HEARTBEAT, attitude, from_autopilot  # n
 
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
-from trexton.onboard.mavlink.profiles import PROFILES  # noqa: E402
+from trexton.onboard.mavlink.messages import PROFILES  # noqa: E402
 from trexton.onboard.mavlink.speaker import Speaker  # noqa: E402
 
 DT = 0.08

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink.link import UdpIn  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
-from trexton.onboard.mavlink.profiles import PROFILES  # noqa: E402
+from trexton.onboard.mavlink.messages import PROFILES  # noqa: E402
 from trexton.onboard.mavlink.speaker import Speaker  # noqa: E402
 from trexton.vision.camera import rotation_matrix  # noqa: E402
 
@@ -212,17 +212,16 @@ def test_a_slow_step_is_not_sent_as_fresh():
 
 
 def test_a_stray_byte_takes_nobodys_place():
-    clock = [0.0]
-    link = UdpIn("127.0.0.1", 1, clock=lambda: clock[0])
+    link = UdpIn("127.0.0.1", 1)
     sent = []
-    link._opened = type(  # a socket on paper
+    link._wire = type(  # a socket on paper
         "Wire", (), {"recvfrom": lambda self, size: (b"x", self.sender),
                      "sendto": lambda self, data, peer: sent.append(peer)}
     )()  # fmt: skip
-    link._opened.sender = ("10.0.0.1", 5)
+    link._wire.sender = ("10.0.0.1", 5)
     link.receive()
     link.understood()
-    link._opened.sender = ("10.0.0.9", 9)
+    link._wire.sender = ("10.0.0.9", 9)
     link.receive()  # not understood
     link.send(b"position")
     assert sent == [("10.0.0.1", 5)]

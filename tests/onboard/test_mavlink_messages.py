@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 import struct
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
-from onboard_autopilot import ATTITUDE  # noqa: E402
+from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT, from_autopilot  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
 from trexton.localization.estimate import ignorance  # noqa: E402
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink import messages  # noqa: E402
+from trexton.onboard.mavlink.listener import Listener  # noqa: E402
+from trexton.onboard.mavlink.speaker import Speaker  # noqa: E402
 
 AREA = (0.0, 5.0, 0.0, 5.0)
 
@@ -56,6 +59,36 @@ def report(time=1.234567, covariance=COVARIANCE, attitude=ATTITUDE, **more) -> m
     return messages.Report(time, np.array([1.0, 2.0]), covariance, attitude, **more)
 
 
+def px4(report, local=NORTH_UP):
+    return messages.PROFILES["px4"](local, AREA).position(None, report)
+
+
+def odometry(report, grade):
+    return messages.PROFILES["ardupilot"](NORTH_UP, AREA)._odometry(report, grade)
+
+
+def gps_input(report, unix, fixed=True):
+    gps = messages.PROFILES["ardupilot-gps"](NORTH_UP, AREA, (52.0, 4.0, 10.0))
+    with pytest.MonkeyPatch.context() as patch:
+        clock = SimpleNamespace(time=lambda: unix, monotonic=lambda: report.time)
+        patch.setattr(messages, "time", clock)
+        return (gps.position if fixed else gps.failed)(None, report)
+
+
+def landing_target(name, report, local=NORTH_UP):
+    return messages.PROFILES[name](local, AREA, None, np.array([3.0, 1.0])).zone(report)
+
+
+def said(now: float, kind: str, name="px4", land: int | None = None, **options) -> list:
+    """What is said to an autopilot that was heard."""
+    listener = Listener()
+    listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), now)
+    speaker = Speaker(messages.PROFILES[name](NORTH_UP, AREA), np.eye(2), listener, **options)
+    if land is not None:
+        assert speaker.land(land, now)
+    return [each for each in speaker.due(now) if each.get_type() == kind]
+
+
 def upper_triangle(diagonal, north_east: float, rest: float) -> list[float]:
     """The 21 numbers, by walking through the 6x6 matrix."""
     numbers = []
@@ -69,7 +102,7 @@ def upper_triangle(diagonal, north_east: float, rest: float) -> list[float]:
 
 class TestFields:
     def test_vision_position_for_px4(self):
-        message = messages.vision_position(report(resets=258), NORTH_UP)
+        message = px4(report(resets=258))
         assert (message.usec, message.x, message.y, message.z) == (1_234_567, 2.0, 1.0, -1.0)
         assert (message.roll, message.pitch, message.yaw) == ATTITUDE
         assert message.reset_counter == 2
@@ -81,11 +114,11 @@ class TestFields:
         )
 
     def test_no_attitude_is_no_zero(self):
-        message = messages.vision_position(report(attitude=None), NORTH_UP)
+        message = px4(report(attitude=None))
         assert all(math.isnan(angle) for angle in (message.roll, message.pitch, message.yaw))
 
     def test_odometry_for_ardupilot(self):
-        message = messages.odometry(report(99e-6, resets=3), NORTH_UP, 77)
+        message = odometry(report(99e-6, resets=3), 77)
         assert (message.time_usec, message.x, message.y, message.z) == (99, 2.0, 1.0, -1.0)
         assert (message.frame_id, message.child_frame_id) == (
             20,
@@ -106,29 +139,29 @@ class TestFields:
         """Both ways in which its versions make one number of the three variances."""
         for ratio in (0.1, 0.7, 1.0):
             covariance = np.diag([std**2, (ratio * std) ** 2])
-            x, y, z = np.array(
-                messages.odometry(report(covariance=covariance), NORTH_UP, 50).pose_covariance
-            )[[0, 6, 11]]
+            x, y, z = np.array(odometry(report(covariance=covariance), 50).pose_covariance)[
+                [0, 6, 11]
+            ]
             assert math.sqrt(x + y + z) >= std - 1e-6
             assert math.cbrt(x**2 + y**2 + z**2) >= std - 1e-6
 
     def test_our_own_yaw_goes_out_with_a_variance_that_is_fused(self):
-        message = messages.vision_position(report(yaw=2.0, yaw_sigma=0.01), NORTH_UP)
+        message = px4(report(yaw=2.0, yaw_sigma=0.01))
         assert (message.roll, message.pitch, message.yaw) == (*ATTITUDE[:2], 2.0)
         assert message.covariance[20] == pytest.approx(1e-4)
         assert all(math.isfinite(message.covariance[place]) for place in (15, 18))
-        message = messages.odometry(report(yaw=2.0, yaw_sigma=0.01), NORTH_UP, 50)
+        message = odometry(report(yaw=2.0, yaw_sigma=0.01), 50)
         assert message.q == pytest.approx(messages.quaternion(*ATTITUDE[:2], 2.0))
         roll, pitch, yaw = np.array(message.pose_covariance)[[15, 18, 20]]
         assert 0.01 <= math.sqrt(roll + pitch + yaw) < 0.04  # as ArduPilot makes one of the three
         assert math.cbrt(roll**2 + pitch**2 + yaw**2) >= 0.01 - 1e-6
         # Without the autopilot's roll and pitch there is no attitude, and none is made up.
-        message = messages.vision_position(report(attitude=None, yaw=2.0), NORTH_UP)
+        message = px4(report(attitude=None, yaw=2.0))
         assert all(math.isnan(angle) for angle in (message.roll, message.pitch, message.yaw))
 
     def test_gps_input_is_a_place_on_earth(self):
-        origin, unix = (52.0, 4.0, 10.0), 1_700_000_000.25
-        message = messages.gps_input(report(), NORTH_UP, origin, unix, True)
+        unix = 1_700_000_000.25
+        message = gps_input(report(), unix)
         assert (message.fix_type, message.ignore_flags, message.yaw) == (3, 8 | 16 | 32, 0)
         assert 1e-7 * message.lat - 52 == pytest.approx(2.0 / 111_195, abs=2e-7)  # m in a degree
         along = 1.0 / (111_195 * math.cos(math.radians(52)))
@@ -137,28 +170,24 @@ class TestFields:
         assert message.horiz_accuracy == message.hdop == pytest.approx(math.sqrt(0.10))
         # Of 6 January 1980, 18 leap seconds since: 2023-11-14T22:13:20.25Z.
         assert (message.time_week, message.time_week_ms) == (2288, 252_818_250)
-        lost = messages.gps_input(report(), NORTH_UP, origin, unix, False)
+        lost = gps_input(report(), unix, False)
         assert (lost.fix_type, lost.satellites_visible) == (1, 0)
         for yaw, sent in ((0.0, 36000), (math.pi / 2, 9000), (-math.pi / 2, 27000)):
             turned = report(yaw=yaw, yaw_sigma=0.01)
-            assert messages.gps_input(turned, NORTH_UP, origin, unix, True).yaw == sent
+            assert gps_input(turned, unix).yaw == sent
 
     def test_landing_target_is_the_place_for_px4_and_the_way_there_for_ardupilot(self):
-        east_up, center = LocalFrame(math.pi / 2, 2.0), np.array([3.0, 1.0])
-        message = messages.landing_target(report(), east_up, center, body=False)
+        east_up = LocalFrame(math.pi / 2, 2.0)
+        message = landing_target("px4", report(), east_up)
         assert (message.frame, message.position_valid) == (1, 1)
         assert (message.x, message.y, message.z) == pytest.approx((-3.0, 1.0, 0.0))
         # From (1, 2): two metres south, one west, two down; the nose points west and down.
         way = np.array([-2.0, -1.0, 2.0])
-        level = messages.landing_target(
-            report(attitude=(0.0, 0.0, -math.pi / 2)), east_up, center, True
-        )
+        level = landing_target("ardupilot", report(attitude=(0.0, 0.0, -math.pi / 2)), east_up)
         assert level.frame == 12
         assert (level.x, level.y, level.z) == pytest.approx((1.0, -2.0, 2.0))
         assert level.distance == pytest.approx(3.0)
-        tilted = messages.landing_target(
-            report(attitude=(0.0, -0.3, -math.pi / 2)), east_up, center, True
-        )
+        tilted = landing_target("ardupilot", report(attitude=(0.0, -0.3, -math.pi / 2)), east_up)
         nose = np.array([0.0, -math.cos(0.3), math.sin(0.3)])
         assert tilted.x == pytest.approx(way @ nose)
 
@@ -192,34 +221,19 @@ class TestFields:
 
     def test_heading_turns_position_and_covariance(self):
         east_up = LocalFrame(math.pi / 2, 2.0)
-        message = messages.vision_position(
-            report(covariance=np.diag([0.01, 0.09]), attitude=None), east_up
-        )
+        message = px4(report(covariance=np.diag([0.01, 0.09]), attitude=None), east_up)
         assert (message.x, message.y, message.z) == pytest.approx((-1.0, 2.0, -2.0))
         assert (message.covariance[0], message.covariance[6]) == pytest.approx((0.01, 0.09))
 
     def test_land_and_origin(self):
-        message = messages.land((1, 1), 3, NAN)
-        assert (
-            message.target_system,
-            message.target_component,
-            message.command,
-            message.confirmation,
-        ) == (
-            1,
-            1,
-            21,
-            3,
-        )
+        (message,) = said(0.0, "COMMAND_LONG", land=3)[:1]
+        assert (message.target_system, message.target_component) == (1, 1)
+        assert (message.command, message.confirmation) == (21, 3)
         assert (message.param1, message.param2) == (0, 0) and math.isnan(message.param5)
-        assert messages.land((1, 1), 0, 0.0).param5 == 0
-        message = messages.origin(1, 51.9906, 4.3768, -2.5, 7)
-        assert (message.latitude, message.longitude, message.altitude, message.time_usec) == (
-            519_906_000,
-            43_768_000,
-            -2500,
-            7,
-        )
+        assert said(0.0, "COMMAND_LONG", "ardupilot", land=0)[0].param5 == 0
+        (message,) = said(7e-6, "SET_GPS_GLOBAL_ORIGIN", origin=(51.9906, 4.3768, -2.5))
+        assert (message.latitude, message.longitude) == (519_906_000, 43_768_000)
+        assert (message.altitude, message.time_usec) == (-2500, 7)
 
 
 class TestGoldenBytes:
@@ -230,13 +244,13 @@ class TestGoldenBytes:
 
     def test_heartbeat(self):
         self.check(
-            messages.heartbeat(),
+            said(0.0, "HEARTBEAT")[0],
             plain_packet(0, 50, "IBBBBB", 0, 18, 8, 0, 4, 3),
             "fd0900000001bf000000000000001208000403aec6",
         )
 
     def test_vision_position_estimate(self):
-        message = messages.vision_position(report(resets=2), NORTH_UP)
+        message = px4(report(resets=2))
         numbers = upper_triangle([0.10, 0.05, 100.0, NAN, NAN, NAN], 0.01, NAN)
         numbers[0], numbers[6] = messages.rounded_up(0.09 + 0.01), messages.rounded_up(0.04 + 0.01)
         plain = plain_packet(102, 158, "Q6f21fB", 1_234_567, 2.0, 1.0, -1.0, *ATTITUDE, *numbers, 2)
@@ -251,10 +265,8 @@ class TestGoldenBytes:
         )
 
     def test_odometry(self):
-        message = messages.odometry(
-            report(99e-6, covariance=np.diag([0.25, 0.25]), attitude=(0.0, 0.0, 0.0), resets=3),
-            NORTH_UP,
-            77,
+        message = odometry(
+            report(99e-6, covariance=np.diag([0.25, 0.25]), attitude=(0.0, 0.0, 0.0), resets=3), 77
         )
         numbers = upper_triangle([0.25, 0.25, 0.0, math.pi**2, math.pi**2, math.pi**2], 0.0, 0.0)
         plain = plain_packet(
@@ -291,7 +303,7 @@ class TestGoldenBytes:
         )
 
     def test_gps_input(self):
-        message = messages.gps_input(report(), NORTH_UP, (52.0, 4.0, 10.0), 1_700_000_000, True)
+        message = gps_input(report(), 1_700_000_000)
         accuracy = math.sqrt(0.10)
         plain = plain_packet(
             232, 151, "QIii9fHHBBBH", 1_234_567, 252_818_000, 520_000_180, 40_000_146, 11.0,
@@ -300,7 +312,7 @@ class TestGoldenBytes:
         assert packed(message).hex() == plain.hex()
 
     def test_landing_target(self):
-        message = messages.landing_target(report(), NORTH_UP, np.array([3.0, 1.0]), body=False)
+        message = landing_target("px4", report())
         distance = math.sqrt(6.0)
         plain = plain_packet(
             149, 200, "Q5fBB3f4fBB", 1_234_567, 0.0, 0.0, distance, 0.0, 0.0, 0, 1,
@@ -311,7 +323,7 @@ class TestGoldenBytes:
     def test_set_gps_global_origin(self):
         plain = plain_packet(48, 41, "iiiBQ", 519_906_000, 43_768_000, -2500, 1, 7)
         self.check(
-            messages.origin(1, 51.9906, 4.3768, -2.5, 7),
+            said(7e-6, "SET_GPS_GLOBAL_ORIGIN", origin=(51.9906, 4.3768, -2.5))[0],
             plain,
             "fd0e00000001bf300000d022fd1ec0d89b023cf6ffff0107563a",
         )
@@ -319,7 +331,7 @@ class TestGoldenBytes:
     def test_command_long(self):
         plain = plain_packet(76, 152, "7fHBBB", 0, 0, 0, NAN, NAN, NAN, NAN, 21, 1, 1, 2)
         self.check(
-            messages.land((1, 1), 2, NAN),
+            said(0.0, "COMMAND_LONG", land=2)[0],
             plain,
             (
                 "fd2100000001bf4c00000000000000000000000000000000c07f0000c07f0000c07f0000c07f150001010266d8"
@@ -327,7 +339,7 @@ class TestGoldenBytes:
         )
         plain = plain_packet(76, 152, "7fHBBB", 30, 50_000, 0, 0, 0, 0, 0, 511, 1, 1, 0)
         self.check(
-            messages.interval_request((1, 1), messages.ATTITUDE, 20.0),
+            said(0.0, "COMMAND_LONG")[0],
             plain,
             (
                 "fd2000000001bf4c00000000f041005043470000000000000000000000000000000000000000ff0101010075"

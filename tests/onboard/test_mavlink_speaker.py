@@ -23,8 +23,8 @@ from trexton.onboard.commander import CommandAck
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink import messages  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
+from trexton.onboard.mavlink.messages import PROFILES  # noqa: E402
 from trexton.onboard.mavlink.options import MavlinkOptions  # noqa: E402
-from trexton.onboard.mavlink.profiles import PROFILES  # noqa: E402
 from trexton.onboard.mavlink.speaker import (  # noqa: E402
     REPEAT_TIMEOUT,
     Speaker,

@@ -91,7 +91,7 @@ def test_the_log_is_kept_over_a_restart_and_outputs_begin_anew(tmp_path):
         "xml:a",
         "csv:/no/such/folder/a.csv",
         "udpout:14550",
-        "tcp:host:port",
+        "udpin:host:port",
         "udpout:h:99999",
         "serial:",
         "serial:/dev/x:12345",

@@ -121,7 +121,7 @@ def test_a_vehicle_without_a_compass_flies_by_it(fine, send_yaw):
     from onboard_autopilot import AUTOPILOT_HEARTBEAT, attitude, from_autopilot
 
     from trexton.onboard.mavlink.listener import Listener
-    from trexton.onboard.mavlink.profiles import PROFILES
+    from trexton.onboard.mavlink.messages import PROFILES
     from trexton.onboard.mavlink.speaker import Speaker
 
     local, goal = LocalFrame(0.5), np.array([2.8, 2.6])

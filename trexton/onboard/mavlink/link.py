@@ -1,4 +1,4 @@
-"""The wire under MAVLink: UDP, TCP or a serial line, none of which ever blocks or prints.
+"""The wire under MAVLink: UDP or a serial line, neither of which ever blocks or prints.
 
 pymavlink's own connections retry with sleeps, print to standard output, and hide that a peer has
 gone; its coding and parsing of messages is used as it is.
@@ -9,10 +9,8 @@ from __future__ import annotations
 import os
 import socket
 import termios
-import time
 import tty
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -20,13 +18,11 @@ from trexton.base.errors import ParameterError
 
 __all__ = ["Link", "make_link"]
 
-CONNECT_TIMEOUT = 1.0
-PEER_TIMEOUT = 10.0  # seconds without a word after which a peer is forgotten
 MAX_PEERS = 4
 
 
 def make_link(address: str) -> Link:
-    """The link, not yet open, at ``udpout:``, ``udpin:`` or ``tcp:`` HOST:PORT, or at
+    """The link, not yet open, at ``udpout:`` or ``udpin:`` HOST:PORT, or at
     ``serial:DEVICE:BAUD``."""
     kind, _, rest = address.partition(":")
     if kind == "serial":
@@ -43,16 +39,15 @@ def make_link(address: str) -> Link:
         raise ParameterError(
             f"output {address!r}: give {kind}:HOST:PORT, as in {kind}:127.0.0.1:14540"
         )
-    links: dict[str, type[_SocketLink]] = {"udpout": UdpOut, "udpin": UdpIn, "tcp": TcpLink}
-    return links[kind](host, int(port))
+    return (UdpOut if kind == "udpout" else UdpIn)(host, int(port))
 
 
 class Link(ABC):
     """Bytes out, bytes in; where a method raises `OSError`, the link is to be closed and opened
     again."""
 
-    datagrams = False  # whether each piece received is whole in itself
-    _opened: Any = None  # a socket or a file
+    datagrams = True  # whether each piece received is whole in itself
+    _wire: Any = None  # a socket or a file, while it is open
 
     @abstractmethod
     def open(self) -> None: ...
@@ -67,12 +62,6 @@ class Link(ABC):
     def understood(self) -> None:  # noqa: B027 - only who has several peers cares
         """What `receive` gave last was MAVLink: its sender is a peer."""
 
-    @property
-    def _wire(self) -> Any:
-        if self._opened is None:
-            raise OSError("the link is not open")
-        return self._opened
-
     def fileno(self) -> int:
         """For `select`."""
         number: int = self._wire.fileno()
@@ -80,35 +69,23 @@ class Link(ABC):
 
     def close(self) -> None:
         """Let go of it; it may be opened again."""
-        if self._opened is not None:
-            self._opened.close()
-            self._opened = None
+        if self._wire is not None:
+            self._wire.close()
+            self._wire = None
 
 
-class _SocketLink(Link):
-    def __init__(self, host: str, port: int):
-        self.address = (host, port)
-
-    def receive(self) -> bytes:
-        try:
-            data: bytes = self._wire.recv(65536)
-            return data
-        except BlockingIOError:
-            return b""
-
-
-class UdpOut(_SocketLink):
+class UdpOut(Link):
     """Datagrams to one address; connected, so that a peer that has gone is heard of.
 
     Our port stays the same when the link is opened again: PX4 goes on answering the first it has
     seen.
     """
 
-    datagrams = True
-    _port = 0
+    def __init__(self, host: str, port: int):
+        self.address, self._port = (host, port), 0
 
     def open(self) -> None:
-        self._opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._wire.setblocking(False)
         self._wire.bind(("", self._port))
         self._wire.connect(self.address)
@@ -118,26 +95,30 @@ class UdpOut(_SocketLink):
         with suppress(BlockingIOError):  # the buffer is full: the next position is the better one
             self._wire.send(data)
 
+    def receive(self) -> bytes:
+        try:
+            data: bytes = self._wire.recv(65536)
+            return data
+        except BlockingIOError:
+            return b""
 
-class UdpIn(_SocketLink):
-    """Datagrams on a port of ours, answered to everybody who lately spoke MAVLink there."""
 
-    datagrams = True
+class UdpIn(Link):
+    """Datagrams on a port of ours, answered to the latest few who spoke MAVLink there."""
 
-    def __init__(self, host: str, port: int, clock: Callable[[], float] = time.monotonic):
-        super().__init__(host, port)
-        self._clock = clock
-        self._peers: dict[tuple[str, int], float] = {}
+    def __init__(self, host: str, port: int):
+        self.address = (host, port)
+        self._peers: list[tuple[str, int]] = []
         self._sender: tuple[str, int] | None = None
 
     def open(self) -> None:
-        self._peers.clear()
-        self._opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._peers = []
+        self._wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._wire.setblocking(False)
         self._wire.bind(self.address)
 
     def send(self, data: bytes) -> None:
-        for peer in list(self._peers):
+        for peer in self._peers:
             with suppress(OSError):  # one that has gone must not keep the others from hearing
                 self._wire.sendto(data, peer)
 
@@ -148,47 +129,23 @@ class UdpIn(_SocketLink):
         except BlockingIOError:
             return b""
 
-    def understood(self) -> None:  # noqa: B027 - only who has several peers cares
-        now = self._clock()
+    def understood(self) -> None:
+        others = [peer for peer in self._peers if peer != self._sender]
         if self._sender is not None:
-            self._peers.pop(self._sender, None)
-            self._peers[self._sender] = now
-        fresh = [(peer, at) for peer, at in self._peers.items() if now - at <= PEER_TIMEOUT]
-        self._peers = dict(fresh[-MAX_PEERS:])
-
-
-class TcpLink(_SocketLink):
-    """A stream to a server."""
-
-    def open(self) -> None:
-        self._opened = socket.create_connection(self.address, CONNECT_TIMEOUT)
-        self._wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._wire.setblocking(False)
-
-    def send(self, data: bytes) -> None:
-        # Half a message would garble the next, and a peer that reads nothing is as good as gone.
-        if self._wire.send(data) < len(data):
-            raise ConnectionError("the peer reads too slowly")
-
-    def receive(self) -> bytes:
-        try:
-            data = self._wire.recv(65536)
-        except BlockingIOError:
-            return b""
-        if not data:
-            raise ConnectionError("the peer has closed the connection")
-        return data
+            self._peers = [*others, self._sender][-MAX_PEERS:]
 
 
 class SerialLink(Link):
     """A serial line, 8 bits, no parity, no flow control."""
+
+    datagrams = False
 
     def __init__(self, device: str, speed: int):
         self.device, self._speed = device, speed
 
     def open(self) -> None:
         line = os.open(self.device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        self._opened = os.fdopen(line, "r+b", buffering=0)
+        self._wire = os.fdopen(line, "r+b", buffering=0)
         try:
             tty.setraw(line)
             settings = termios.tcgetattr(line)
@@ -200,6 +157,7 @@ class SerialLink(Link):
             raise OSError(f"{self.device}: {error.args[-1]}") from None
 
     def send(self, data: bytes) -> None:
+        # Half a message would garble the next.
         if (self._wire.write(data) or 0) < len(data):
             raise OSError(f"{self.device}: takes no more: lower the rate or raise the baud rate")
 

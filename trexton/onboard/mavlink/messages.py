@@ -1,12 +1,14 @@
 """MAVLink messages from fixes: every field here, and why. Needs pymavlink.
 
-What PX4 and ArduPilot do with the fields was read in their sources; the book's page on autopilots
-tells it.
+A `Profile` is one autopilot's manner: which messages carry a position, and which say that there is
+none. What PX4 and ArduPilot do with the fields was read in their sources; the book's page on
+autopilots tells it.
 """
 
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,19 +18,12 @@ from pymavlink.quaternion import QuaternionBase
 from pymavlink.rotmat import Matrix3, Vector3
 
 from trexton.localization.estimate import ignorance
+from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame, decoupled, largest_deviation
 
-__all__ = [
-    "ATTITUDE", "HEIGHT", "LANDED_STATE", "Report", "VELOCITY", "gps_input", "heartbeat",
-    "interval_request", "land", "landing_target", "mavlink", "odometry", "origin",
-    "pose_covariance", "quality", "quaternion", "vision_position",
-]  # fmt: skip
+__all__ = ["PROFILES", "Profile", "Report", "mavlink"]
 
 NAN = math.nan
-ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
-LANDED_STATE = mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
-HEIGHT = mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR
-VELOCITY = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
 # Square metres: a height nobody measured must weigh nothing even if it is fused.
 UNKNOWN_HEIGHT = 100.0
 UNKNOWN_ANGLE = math.pi**2  # square radians
@@ -110,93 +105,159 @@ class Report:
         return roll, pitch, self.yaw if own else yaw
 
 
-def vision_position(report: Report, local: LocalFrame) -> Any:
-    """VISION_POSITION_ESTIMATE in local NED, the form in which PX4 takes a position as it is.
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """One autopilot's manner.
+
+    Attributes
+    ----------
+    local : LocalFrame
+    area : (x_min, x_max, y_min, y_max)
+    origin : (latitude, longitude, altitude) or None
+    target : (2,) array or None
+        Centre of the landing zone in metres on the map, where it is to be sent.
+    """
+
+    local: LocalFrame
+    area: tuple[float, float, float, float]
+    origin: tuple[float, float, float] | None = None
+    target: np.ndarray | None = None
+
+    unset = 0.0  # what stands in a command for "choose yourself"
+    needs_attitude = False
+    needs_yaw = False  # whether no position may go out without a yaw, where ours is fused
+    sees_from_body = True  # whether LANDING_TARGET is the way there, not the place
+
+    def position(self, fix: Fix, report: Report) -> Any:
+        """The message for a usable fix."""
+        raise NotImplementedError
+
+    def failed(self, fix: Fix, report: Report) -> Any:
+        """The message that says there is no position; None where silence says it."""
+        return None
+
+    def zone(self, report: Report) -> Any:
+        """LANDING_TARGET: where the landing zone lies; None where it is not to be sent.
+
+        PX4 takes the place in local NED; ArduPilot the way there from the vehicle, in body axes.
+        """
+        if self.target is None or report.attitude is None:
+            return None
+        place = np.append(self.local.ned(self.target)[:2], 0.0)
+        way = place - self.local.ned(report.position)
+        distance = float(np.linalg.norm(way))
+        frame = mavlink.MAV_FRAME_LOCAL_NED
+        if self.sees_from_body:
+            turn, frame = Matrix3(), mavlink.MAV_FRAME_BODY_FRD
+            turn.from_euler(*report.attitude)
+            seen = turn.transposed() * Vector3(*way.tolist())
+            place = np.array([seen.x, seen.y, seen.z])
+        return mavlink.MAVLink_landing_target_message(
+            report.stamp_us, 0, frame, 0.0, 0.0, distance, 0.0, 0.0, *place, [1.0, 0.0, 0.0, 0.0],
+            mavlink.LANDING_TARGET_TYPE_VISION_OTHER, 1,
+        )  # fmt: skip
+
+
+class Px4(Profile):
+    """VISION_POSITION_ESTIMATE in local NED, the form in which PX4 takes a position as it is;
+    silence, which ends its fusion, for no position.
 
     NaN goes out where there is no attitude. The variance of z is finite: PX4 uses no variance of
     ours unless all three are, and so with those of the angles, of which it fuses the yaw's alone.
     """
-    north, east, down = local.ned(report.position)
-    matrix = pose_covariance(local.ned_covariance(report.covariance), UNKNOWN_HEIGHT, NAN)
-    if math.isfinite(report.yaw_sigma):
-        angles = (UNKNOWN_ANGLE, UNKNOWN_ANGLE, rounded_up(report.yaw_sigma**2))
-        for place, variance in zip(_ANGLES, angles, strict=True):
-            matrix[place] = variance
-    return mavlink.MAVLink_vision_position_estimate_message(
-        report.stamp_us, north, east, down, *report.angles, matrix, report.resets % 256
-    )
+
+    unset = NAN
+    sees_from_body = False
+
+    def position(self, fix: Fix, report: Report) -> Any:
+        north, east, down = self.local.ned(report.position)
+        ned = self.local.ned_covariance(report.covariance)
+        matrix = pose_covariance(ned, UNKNOWN_HEIGHT, NAN)
+        if math.isfinite(report.yaw_sigma):
+            angles = (UNKNOWN_ANGLE, UNKNOWN_ANGLE, rounded_up(report.yaw_sigma**2))
+            for place, variance in zip(_ANGLES, angles, strict=True):
+                matrix[place] = variance
+        return mavlink.MAVLink_vision_position_estimate_message(
+            report.stamp_us, north, east, down, *report.angles, matrix, report.resets % 256
+        )
 
 
-def odometry(report: Report, local: LocalFrame, quality: int) -> Any:
-    """ODOMETRY in MAV_FRAME_LOCAL_FRD with a BODY_FRD child, the only form that ArduPilot takes.
+class ArduPilot(Profile):
+    """ODOMETRY in MAV_FRAME_LOCAL_FRD with a BODY_FRD child, the only form that ArduPilot takes;
+    with a quality of -1 while there is no position, which then is the filter's.
 
     FRD is aligned with north: the map's heading is known. Velocities are NaN, for nothing measures
     them. ArduPilot makes one number of the three variances, of the position's as of the angles',
     and a NaN among the six would void the message, so all are finite.
     """
-    north, east, down = local.ned(report.position)
-    ned = local.ned_covariance(report.covariance)
-    matrix = pose_covariance(ned, _folded(np.diagonal(decoupled(ned))), UNKNOWN_ANGLE, cross=0.0)
-    if math.isfinite(report.yaw_sigma):
-        own = report.yaw_sigma**2
-        for place, variance in zip(_ANGLES, (0.0, _folded(np.array([own])), own), strict=True):
-            matrix[place] = rounded_up(variance)
-    return mavlink.MAVLink_odometry_message(
-        report.stamp_us, mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD, north, east, down,
-        quaternion(*report.angles),
-        NAN, NAN, NAN, NAN, NAN, NAN, matrix, [NAN] * 21, report.resets % 256,
-        mavlink.MAV_ESTIMATOR_TYPE_VISION, quality,
-    )  # fmt: skip
+
+    needs_attitude = needs_yaw = True
+
+    def position(self, fix: Fix, report: Report) -> Any:
+        return self._odometry(report, quality(np.sqrt(np.diagonal(fix.covariance)), self.area))
+
+    def failed(self, fix: Fix, report: Report) -> Any:
+        return self._odometry(report, -1)
+
+    def _odometry(self, report: Report, grade: int) -> Any:
+        north, east, down = self.local.ned(report.position)
+        ned = self.local.ned_covariance(report.covariance)
+        height = _folded(np.diagonal(decoupled(ned)))
+        matrix = pose_covariance(ned, height, UNKNOWN_ANGLE, cross=0.0)
+        if math.isfinite(report.yaw_sigma):
+            own = report.yaw_sigma**2
+            for place, variance in zip(_ANGLES, (0.0, _folded(np.array([own])), own), strict=True):
+                matrix[place] = rounded_up(variance)
+        return mavlink.MAVLink_odometry_message(
+            report.stamp_us, mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD,
+            north, east, down, quaternion(*report.angles),
+            NAN, NAN, NAN, NAN, NAN, NAN, matrix, [NAN] * 21, report.resets % 256,
+            mavlink.MAV_ESTIMATOR_TYPE_VISION, grade,
+        )  # fmt: skip
 
 
-def gps_input(
-    report: Report, local: LocalFrame, origin: tuple[float, float, float], unix: float, fixed: bool
-) -> Any:
-    """GPS_INPUT, a receiver of satellites that is none: where on Earth the position lies.
+class ArduPilotGps(Profile):
+    """GPS_INPUT, a receiver of satellites that is none: where on Earth the position lies; without a
+    fix while there is none.
 
     Horizontal accuracy is the larger standard deviation; the dilution of precision repeats it, by
-    which ArduPilot refuses to arm. `unix` is the calendar time of the report, in seconds.
+    which ArduPilot refuses to arm.
     """
-    north, east, down = local.ned(report.position)
-    latitude, longitude, altitude = origin
-    to_north = np.degrees(north / EARTH)
-    to_east = np.degrees(east / (EARTH * math.cos(math.radians(latitude))))
-    accuracy = largest_deviation(report.covariance)
-    week, seconds = divmod(unix - GPS_EPOCH, WEEK)
-    yaw = 0  # hundredths of a degree; 0 is unknown, and north is 36000
-    if math.isfinite(report.yaw):
-        yaw = round(100 * math.degrees(report.yaw)) % 36000 or 36000
-    ignored = mavlink.GPS_INPUT_IGNORE_FLAG_VEL_HORIZ | mavlink.GPS_INPUT_IGNORE_FLAG_VEL_VERT
-    ignored |= mavlink.GPS_INPUT_IGNORE_FLAG_SPEED_ACCURACY
-    return mavlink.MAVLink_gps_input_message(
-        report.stamp_us, 0, ignored, round(1000 * seconds), int(week),
-        mavlink.GPS_FIX_TYPE_3D_FIX if fixed else mavlink.GPS_FIX_TYPE_NO_FIX,
-        round(1e7 * (latitude + to_north)), round(1e7 * (longitude + to_east)),
-        altitude - down, accuracy, UNKNOWN_HEIGHT, 0.0, 0.0, 0.0, 0.0, accuracy,
-        math.sqrt(UNKNOWN_HEIGHT), SATELLITES if fixed else 0, yaw,
-    )  # fmt: skip
+
+    def position(self, fix: Fix, report: Report) -> Any:
+        return self._input(report, True)
+
+    def failed(self, fix: Fix, report: Report) -> Any:
+        return self._input(report, False)
+
+    def _input(self, report: Report, fixed: bool) -> Any:
+        assert self.origin is not None
+        north, east, down = self.local.ned(report.position)
+        latitude, longitude, altitude = self.origin
+        to_north = np.degrees(north / EARTH)
+        to_east = np.degrees(east / (EARTH * math.cos(math.radians(latitude))))
+        accuracy = largest_deviation(report.covariance)
+        unix = time.time() - time.monotonic() + report.time
+        week, seconds = divmod(unix - GPS_EPOCH, WEEK)
+        yaw = 0  # hundredths of a degree; 0 is unknown, and north is 36000
+        if math.isfinite(report.yaw):
+            yaw = round(100 * math.degrees(report.yaw)) % 36000 or 36000
+        ignored = mavlink.GPS_INPUT_IGNORE_FLAG_VEL_HORIZ | mavlink.GPS_INPUT_IGNORE_FLAG_VEL_VERT
+        ignored |= mavlink.GPS_INPUT_IGNORE_FLAG_SPEED_ACCURACY
+        return mavlink.MAVLink_gps_input_message(
+            report.stamp_us, 0, ignored, round(1000 * seconds), int(week),
+            mavlink.GPS_FIX_TYPE_3D_FIX if fixed else mavlink.GPS_FIX_TYPE_NO_FIX,
+            round(1e7 * (latitude + to_north)), round(1e7 * (longitude + to_east)),
+            altitude - down, accuracy, UNKNOWN_HEIGHT, 0.0, 0.0, 0.0, 0.0, accuracy,
+            math.sqrt(UNKNOWN_HEIGHT), SATELLITES if fixed else 0, yaw,
+        )  # fmt: skip
 
 
-def landing_target(report: Report, local: LocalFrame, center: np.ndarray, body: bool) -> Any:
-    """LANDING_TARGET: where the landing zone's `center`, ``(2,)`` metres on the map, lies.
-
-    PX4 takes the place in local NED; ArduPilot the way there from the vehicle, in `body` axes, for
-    which the attitude must be known.
-    """
-    place = np.append(local.ned(center)[:2], 0.0)
-    way = place - local.ned(report.position)
-    distance = float(np.linalg.norm(way))
-    frame = mavlink.MAV_FRAME_BODY_FRD if body else mavlink.MAV_FRAME_LOCAL_NED
-    if body:
-        assert report.attitude is not None
-        turn = Matrix3()
-        turn.from_euler(*report.attitude)
-        seen = turn.transposed() * Vector3(*way.tolist())
-        place = np.array([seen.x, seen.y, seen.z])
-    return mavlink.MAVLink_landing_target_message(
-        report.stamp_us, 0, frame, 0.0, 0.0, distance, 0.0, 0.0, *place, [1.0, 0.0, 0.0, 0.0],
-        mavlink.LANDING_TARGET_TYPE_VISION_OTHER, 1,
-    )  # fmt: skip
+PROFILES: dict[str, type[Profile]] = {
+    "px4": Px4,
+    "ardupilot": ArduPilot,
+    "ardupilot-gps": ArduPilotGps,
+}
 
 
 def _folded(variances: np.ndarray) -> float:
@@ -217,36 +278,3 @@ def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
     """w, x, y, z of the rotation from body to local frame."""
     numbers: list[float] = QuaternionBase([roll, pitch, yaw]).q.tolist()
     return numbers
-
-
-def heartbeat() -> Any:
-    """HEARTBEAT of an onboard computer, which is no autopilot."""
-    kind, state = mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_STATE_ACTIVE
-    return mavlink.MAVLink_heartbeat_message(kind, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3)
-
-
-def origin(target: int, latitude: float, longitude: float, altitude: float, stamp_us: int) -> Any:
-    """SET_GPS_GLOBAL_ORIGIN: where on Earth the map's origin lies, in degrees and metres above
-    sea level."""
-    degrees = [round(1e7 * angle) for angle in (latitude, longitude)]
-    return mavlink.MAVLink_set_gps_global_origin_message(
-        target, *degrees, round(1000 * altitude), stamp_us
-    )
-
-
-def land(target: tuple[int, int], confirmation: int, unset: float) -> Any:
-    """COMMAND_LONG with MAV_CMD_NAV_LAND, here and now; `unset` stands for what the autopilot shall
-    choose itself.
-
-    PX4 takes NaN for that, ArduPilot zero.
-    """
-    return mavlink.MAVLink_command_long_message(
-        *target, mavlink.MAV_CMD_NAV_LAND, confirmation, 0, 0, 0, unset, unset, unset, unset
-    )
-
-
-def interval_request(target: tuple[int, int], message: int, rate: float) -> Any:
-    """COMMAND_LONG that asks for a message, by its number, `rate` times a second."""
-    return mavlink.MAVLink_command_long_message(
-        *target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, message, 1e6 / rate, *[0] * 5
-    )

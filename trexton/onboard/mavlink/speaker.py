@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 
 from trexton.onboard.fix import STALE_AFTER, Fix
-from trexton.onboard.mavlink import messages
 from trexton.onboard.mavlink.listener import Listener
-from trexton.onboard.mavlink.messages import Report, mavlink
-from trexton.onboard.mavlink.profiles import Profile
+from trexton.onboard.mavlink.messages import Profile, Report, mavlink
 
 __all__ = ["Speaker"]
 
@@ -28,10 +26,10 @@ REPEAT_TIMEOUT = STALE_AFTER  # seconds from capture for which a position is rep
 REPEAT_LAG = 0.09
 REPEAT_INFLATION = 100.0  # of a repetition's covariance: it keeps the fusion alive and is no news
 INTERVALS = {  # what is asked for where it does not come: message, times a second
-    "roll": (messages.ATTITUDE, 20.0),
-    "grounded": (messages.LANDED_STATE, 2.0),
-    "height": (messages.HEIGHT, 20.0),
-    "velocity": (messages.VELOCITY, 20.0),
+    "roll": (mavlink.MAVLINK_MSG_ID_ATTITUDE, 20.0),
+    "grounded": (mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 2.0),
+    "height": (mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR, 20.0),
+    "velocity": (mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 20.0),
 }
 
 
@@ -94,7 +92,12 @@ class Speaker:
         listener = self.listener
         if listener.target is None or not (listener.present(now) and listener.certain):
             return False
-        self._commands.append(messages.land(listener.target, confirmation, self.profile.unset))
+        unset = [self.profile.unset] * 4  # here and now
+        self._commands.append(
+            mavlink.MAVLink_command_long_message(
+                *listener.target, mavlink.MAV_CMD_NAV_LAND, confirmation, 0, 0, 0, *unset
+            )
+        )
         return True
 
     def forget_commands(self) -> None:
@@ -112,7 +115,9 @@ class Speaker:
         ]
         self.listener.timesyncs.clear()
         if self._is_due("heartbeat", now, 1.0):
-            out.append(messages.heartbeat())
+            kind, state = mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_STATE_ACTIVE
+            nobody = mavlink.MAV_AUTOPILOT_INVALID
+            out.append(mavlink.MAVLink_heartbeat_message(kind, nobody, 0, 0, state, 3))
         target = self.listener.target
         if target is not None:
             out += self._requests(target, now)
@@ -129,7 +134,10 @@ class Speaker:
             and not self.listener.confirms(origin)
             and self._is_due("origin", now, pause)
         ):
-            out.append(messages.origin(target[0], *origin, round(1e6 * now)))
+            place = [round(1e7 * origin[0]), round(1e7 * origin[1]), round(1000 * origin[2])]
+            out.append(
+                mavlink.MAVLink_set_gps_global_origin_message(target[0], *place, round(1e6 * now))
+            )
             self._origin_attempts += 1
             if self._origin_attempts == ORIGIN_ATTEMPTS:
                 self.listener.news.append(
@@ -139,7 +147,10 @@ class Speaker:
         for name in self._asked:
             known = self.listener.on_ground(now) if name == "grounded" else getattr(aiding, name)
             if known is None and self._is_due(name, now, REQUEST_PAUSE):
-                out.append(messages.interval_request(target, *INTERVALS[name]))
+                message, rate = INTERVALS[name]
+                wanted = [message, 1e6 / rate, *[0] * 5]
+                command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+                out.append(mavlink.MAVLink_command_long_message(*target, command, 0, *wanted))
         return out
 
     def _is_due(self, what: str, now: float, pause: float) -> bool:

@@ -25,7 +25,6 @@ SINKS = {
     "tum": "trexton.onboard.sinks.files:TumTrajectory",
     "udpout": "trexton.onboard.sinks.mavlink:MavlinkSink",
     "udpin": "trexton.onboard.sinks.mavlink:MavlinkSink",
-    "tcp": "trexton.onboard.sinks.mavlink:MavlinkSink",
     "serial": "trexton.onboard.sinks.mavlink:MavlinkSink",
     "crazyflie": "trexton.onboard.sinks.crazyflie:CrazyflieSink",
     "paparazzi": "trexton.onboard.sinks.paparazzi:PaparazziSink",

@@ -44,7 +44,6 @@ class MavlinkSink(Sink):
     addresses = {
         "udpout:HOST:PORT": "MAVLink to one address",
         "udpin:HOST:PORT": "MAVLink on a port of ours, to whoever speaks MAVLink there",
-        "tcp:HOST:PORT": "MAVLink to a server",
         "serial:DEVICE:BAUD": "MAVLink on a serial line",
     }
     options = MavlinkOptions
@@ -74,7 +73,7 @@ class MavlinkSink(Sink):
         link = make_link(address)
         with extra("MAVLink", "pymavlink", "mavlink"):
             from trexton.onboard.mavlink.listener import Listener
-            from trexton.onboard.mavlink.profiles import PROFILES
+            from trexton.onboard.mavlink.messages import PROFILES
             from trexton.onboard.mavlink.speaker import Speaker
         if options.landing_target and around.target is None:
             raise ParameterError("--landing-target sends the centre of a zone: add --land X,Y")
