@@ -372,7 +372,6 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
                 b"csv:a.csv",
                 b"json",
                 b"tum:t",
-                b"paparazzi:7@127.255.255.255:2010",
                 b"udpout:127.0.0.1:14550",
                 b"udpin:0.0.0.0:14550",
                 b"serial:/dev/ttyS0:57600",

@@ -125,7 +125,6 @@ def test_the_log_neither(flight, tmp_path, capsys):
     [
         ["--output", "udpout:nowhere"],
         ["--output", "udpout:127.0.0.1:1²"],
-        ["--output", "paparazzi:²"],
         ["--output", "tum:/no/such/folder/track"],
         ["--land", "1,1", "--arm-landing"],
     ],

@@ -58,21 +58,20 @@ def test_a_flight_of_the_script_pulls_in_nothing_heavy_either(flight_folder, tmp
         f"words = ['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', "
         "'csv:/dev/null', '-q']\n"
         "status = main(words)\n"
-        f"never = {(*NEVER, 'pymavlink', 'ivy', 'cflib')!r}\n"
+        f"never = {(*NEVER, 'pymavlink', 'cflib')!r}\n"
         "print(status, [name for name in never if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "0 []" and done.stderr == ""
 
 
-@pytest.mark.parametrize("extra", ["pymavlink", "ivy", "cflib"])
+@pytest.mark.parametrize("extra", ["pymavlink", "cflib"])
 def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
     path = save_map(
         train_map(small_flight(60), neighbors=3, rng=np.random.default_rng(1)), tmp_path / "map.npz"
     )
     output = {
         "pymavlink": "udpout:127.0.0.1:14540",
-        "ivy": "paparazzi:1",
         "cflib": "crazyflie:radio://0/80",
     }[extra]
     code = (
@@ -101,7 +100,6 @@ def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
         (["--target", "0"], "target"),
         (["--origin", "52,4,1e9"], "1e+09"),
         (["--origin", "52,4"], "LAT,LON,ALT"),
-        (["--output", "paparazzi:7@nowhere"], "bus"),
         (["--camera", "/dev/null"], "is no camera"),
         (["--output", "udpout:127.0.0.1:14540", "--sign-key", "/no/such/key"], "cannot be read"),
         (["--land", "1,1", "--arm-landing"], "add --output udpout"),
@@ -146,5 +144,5 @@ def test_the_book_names_every_source_and_sink(tmp_path):
     page = (ROOT / "book" / "onboard.md").read_text()
     for name, table in context(tmp_path, {}, lambda page, words: words).items():
         page = page.replace(f"{{{{ {name} }}}}", str(table))
-    for name in (*SINKS, "simulator", "v4l2:", "video:", "flight:", "images:"):
+    for name in (*SINKS, "simulator", "v4l2:", "video:", "flight:"):
         assert f"`{name}" in page

@@ -27,7 +27,6 @@ SINKS = {
     "udpin": "trexton.onboard.sinks.mavlink:MavlinkSink",
     "serial": "trexton.onboard.sinks.mavlink:MavlinkSink",
     "crazyflie": "trexton.onboard.sinks.crazyflie:CrazyflieSink",
-    "paparazzi": "trexton.onboard.sinks.paparazzi:PaparazziSink",
 }
 
 

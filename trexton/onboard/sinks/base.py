@@ -3,8 +3,6 @@ rest."""
 
 from __future__ import annotations
 
-import queue
-import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
@@ -22,7 +20,7 @@ from trexton.onboard.local import LocalFrame
 from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
 
-__all__ = ["Check", "Guard", "NewestSink", "Sink", "Surroundings", "extra"]
+__all__ = ["Check", "Guard", "Sink", "Surroundings", "extra"]
 
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 30.0
 
@@ -130,70 +128,6 @@ class Sink(Edge, ABC):
 
     def close(self) -> None:
         """Let go of file or connection."""
-
-
-class NewestSink(Sink):
-    """A sink whose other side may make it wait: a thread hands over the newest of what it takes,
-    and nothing else waits.
-
-    Whoever derives from it says what a fix is there (`made`), how it is handed over (`deliver`),
-    and how the other side is reached and let go of (`connect`, `disconnect`).
-    """
-
-    _newest: queue.Queue[Any] | None = None
-    _why = ""  # it failed last, for `write` to raise
-
-    @abstractmethod
-    def made(self, fix: Fix) -> Any:
-        """What goes out for a fix that a vehicle may steer by and that an image went into."""
-
-    @abstractmethod
-    def connect(self) -> None: ...
-
-    @abstractmethod
-    def deliver(self, item: Any) -> None:
-        """Hand over what was `made`; may wait."""
-
-    @abstractmethod
-    def disconnect(self) -> None: ...
-
-    def open(self) -> None:
-        self._why = ""
-        self.connect()
-        self._newest = queue.Queue(maxsize=1)
-        threading.Thread(
-            target=self._run, args=(self._newest,), name=self.name, daemon=True
-        ).start()
-
-    def write(self, fix: Fix) -> None:
-        if self._why:
-            raise OSError(self._why)
-        if fix.usable and fix.observed:
-            self._put(self.made(fix))
-
-    def failed(self, why: str) -> None:
-        """The other side is gone: to be opened again."""
-        self._why = why or "gone"
-
-    def close(self) -> None:
-        if self._newest is not None:
-            self._put(None)
-            self._newest = None
-            self.disconnect()
-
-    def _put(self, item: Any) -> None:
-        assert self._newest is not None
-        with suppress(queue.Empty):
-            self._newest.get_nowait()
-        with suppress(queue.Full):  # never by one writer
-            self._newest.put_nowait(item)
-
-    def _run(self, newest: queue.Queue[Any]) -> None:
-        while (item := newest.get()) is not None:
-            try:
-                self.deliver(item)
-            except OSError as error:
-                self.failed(error.strerror or str(error))
 
 
 class Guard:

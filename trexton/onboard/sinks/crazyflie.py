@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import logging
 import math
+import queue
 import re
+import threading
+from contextlib import suppress
 from typing import Any
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame, largest_deviation
-from trexton.onboard.sinks.base import NewestSink, Surroundings, extra
+from trexton.onboard.sinks.base import Sink, Surroundings, extra
 
 __all__ = ["CrazyflieSink"]
 
 FLOAT = 0x06  # of a parameter, as the protocol numbers types
 DEVIATION = "locSrv.extPosStdDev"  # metres; as delivered 0.01, which no position here deserves
+Item = tuple[list[float], float]  # a place, and its deviation
 CHANGED = 1.2  # ratio of deviations from which on the parameter is sent anew
 
 
-class CrazyflieSink(NewestSink):
-    """East, north and height of each image, and before it how far the position may be off.
+class CrazyflieSink(Sink):
+    """East, north and height of each image, and before it how far the position may be off. The
+    radio may make it wait: a thread hands over the newest, and nothing else waits.
 
     The link is cflib's; its tables of parameters and its setpoints stay untouched, so that whoever
     flies the vehicle over the same radio goes on doing so.
@@ -44,7 +49,9 @@ class CrazyflieSink(NewestSink):
         logging.getLogger("cflib").setLevel(logging.ERROR)
         self.name, self._uri, self._local = f"crazyflie:{uri}", uri, local
         self._crtp, self._vehicle = crtp, Crazyflie()
+        self._newest: queue.Queue[Item | None] = queue.Queue(maxsize=1)
         self._deviation = math.nan  # as it was sent last
+        self._why = ""  # it failed last, for `write` to raise
 
     @classmethod
     def make(cls, address: str, options: Options, around: Surroundings) -> CrazyflieSink:
@@ -55,31 +62,52 @@ class CrazyflieSink(NewestSink):
             )
         return cls(address, around.local)
 
-    def connect(self) -> None:
+    def open(self) -> None:
+        self._why, self._deviation = "", math.nan
         if not self._crtp.CLASSES:
             self._crtp.init_drivers(enable_serial_driver=True)
         try:
-            link = self._crtp.get_link_driver(self._uri, None, self.failed)
+            link = self._crtp.get_link_driver(self._uri, None, self._failed)
         except Exception as error:  # cflib says so where there is no radio
             raise OSError(str(error)) from None
         if link is None:
             raise OSError("no driver of cflib knows this address")
-        self._vehicle.link, self._deviation = link, math.nan
+        self._vehicle.link, self._newest = link, queue.Queue(maxsize=1)
+        threading.Thread(
+            target=self._run, args=(self._newest,), name=self.name, daemon=True
+        ).start()
 
-    def made(self, fix: Fix) -> tuple[list[float], float]:
-        fusion = fix.fusion
-        return self._local.enu(fusion.position).tolist(), largest_deviation(fusion.covariance)
+    def write(self, fix: Fix) -> None:
+        if self._why:
+            raise OSError(self._why)
+        if fix.usable and fix.observed:
+            place = self._local.enu(fix.fusion.position).tolist()
+            self._put((place, largest_deviation(fix.fusion.covariance)))
 
-    def deliver(self, item: tuple[list[float], float]) -> None:
-        place, deviation = item
-        ratio = deviation / self._deviation
-        if not 1 / CHANGED < ratio < CHANGED:
-            self._vehicle.param.set_value_raw(DEVIATION, FLOAT, deviation)
-            self._deviation = deviation
-        self._vehicle.loc.send_extpos(place)
-
-    def disconnect(self) -> None:
+    def close(self) -> None:
+        self._put(None)
         link: Any = self._vehicle.link
         self._vehicle.link = None
         if link is not None:
             link.close()
+
+    def _failed(self, why: str) -> None:
+        """The vehicle is gone: to be opened again."""
+        self._why = why or "gone"
+
+    def _put(self, item: Item | None) -> None:
+        with suppress(queue.Empty):
+            self._newest.get_nowait()
+        with suppress(queue.Full):  # never by one writer
+            self._newest.put_nowait(item)
+
+    def _run(self, newest: queue.Queue[Item | None]) -> None:
+        while (item := newest.get()) is not None:
+            place, deviation = item
+            try:
+                if not 1 / CHANGED < deviation / self._deviation < CHANGED:
+                    self._vehicle.param.set_value_raw(DEVIATION, FLOAT, deviation)
+                    self._deviation = deviation
+                self._vehicle.loc.send_extpos(place)
+            except OSError as error:
+                self._failed(error.strerror or str(error))
