@@ -43,6 +43,7 @@ from trexton.vision.camera import Camera
 NOWHERE = np.full(2, np.nan)
 ATTITUDE = ("roll", "pitch", "yaw")
 HEIGHT_NOISE = 0.01  # metres, of the autopilot's height
+ATTITUDE_NOISE = np.radians(0.3)  # and of its attitude
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,6 @@ class Mission:
     ----------
     places : (2, 2) array
         Lowest and highest x, y of a zone's centre: the circle stays within the surveyed area.
-    attitude_deg : float
-        Noise of the attitude that the autopilot measures.
     """
 
     floor: Floor
@@ -84,12 +83,9 @@ class Mission:
     places: np.ndarray
     parameters: LandingParameters
     seed: int
-    attitude_deg: float = 0.3
 
 
-def mission_over(
-    train: Flight, parameters: LandingParameters, *, seed: int, attitude_deg: float = 0.3
-) -> Mission:
+def mission_over(train: Flight, parameters: LandingParameters, *, seed: int) -> Mission:
     """A mission over the floor that a flight carries, seen by its camera.
 
     Raises
@@ -105,7 +101,7 @@ def mission_over(
             f"a zone of radius {parameters.radius} m does not fit into the area that flight "
             f"{train.name!r} covers: choose a smaller one"
         )
-    return Mission(*lent, train.area, np.array([low, high]), parameters, seed, attitude_deg)
+    return Mission(*lent, train.area, np.array([low, high]), parameters, seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,20 +135,21 @@ class Attempt:
     ----------
     wait_s : float
         From the start to the trigger, or to the time limit.
-    velocity : (2,) array
-        True velocity at the trigger, metres a second.
     path : (N, 2) array
         True positions at the frames, until touchdown.
     """
 
     zone: np.ndarray
-    triggered: bool
     wait_s: float
     estimate: np.ndarray
     truth: np.ndarray
-    velocity: np.ndarray
     touchdown: np.ndarray
     path: np.ndarray
+
+    @property
+    def triggered(self) -> bool:
+        """Whether it landed within the time limit."""
+        return bool(np.isfinite(self.truth).all())
 
 
 def distances(attempts: list[Attempt], place: str) -> np.ndarray:
@@ -196,22 +193,22 @@ def fly_together(
         path.append(state.position[:2])
         imaging = any(each.localizer for each in flying.values())
         frame = simulator.render() if imaging else None
-        measured = _measured(state, mission, autopilot_rng)
+        measured = _measured(state, autopilot_rng)
         for name, each in list(flying.items()):
             lands = each.decides(frame, measured, state)
             if lands and state.time > mission.parameters.armed_after:
                 attempts[name] = each.land(simulator, path)
                 del flying[name]
-    nowhere = (NOWHERE,) * 4
     attempts |= {
-        name: Attempt(center, False, state.time, *nowhere, np.array(path)) for name in flying
+        name: Attempt(center, state.time, NOWHERE, NOWHERE, NOWHERE, np.array(path))
+        for name in flying
     }
     return {name: attempts[name] for name in landers}
 
 
-def _measured(state: VehicleState, mission: Mission, rng: np.random.Generator) -> Aiding:
+def _measured(state: VehicleState, rng: np.random.Generator) -> Aiding:
     """Attitude and height as an autopilot measures them beside a frame."""
-    noise = np.radians(mission.attitude_deg) * rng.standard_normal(3)
+    noise = ATTITUDE_NOISE * rng.standard_normal(3)
     height = float(state.position[2] + HEIGHT_NOISE * rng.standard_normal())
     roll, pitch, yaw = (float(angle) for angle in state.attitude + noise)
     return Aiding(roll=roll, pitch=pitch, yaw=yaw, height=height)
@@ -246,8 +243,8 @@ class _Flying:
             landed = vehicle.advance(PERIOD)
             flown.append(landed.position[:2])
         return Attempt(
-            self.zone.center, True, state.time, self._estimate.position, state.position[:2],
-            state.velocity[:2], landed.position[:2], np.array(flown),
+            self.zone.center, state.time, self._estimate.position, state.position[:2],
+            landed.position[:2], np.array(flown),
         )  # fmt: skip
 
 
@@ -279,20 +276,3 @@ def landed(
         facecolors=color if inside else "white", edgecolors="white" if inside else color,
         linewidths=0.6 if inside else 1.1,
     )  # fmt: skip
-
-
-def on_target(axes: Axes, places: np.ndarray, radius: float, color: str) -> None:
-    """``(N, 2)`` landings about the centre of their zones, NaN where nobody landed."""
-    axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
-    zone_ring(axes, (0, 0), radius)
-    triggered = np.isfinite(places[:, 0])
-    inside = np.hypot(*places.T) <= radius
-    for within, rows in ((True, inside), (False, triggered & ~inside)):
-        words = f"{'inside' if within else 'outside'}: {rows.sum()} of {triggered.sum()}"
-        landed(axes, places[rows], color, words, inside=within)
-
-
-def target_limits(places: list[np.ndarray], radius: float) -> tuple[float, float]:
-    """Limits of x and y that show all `places`, and the zone."""
-    reach = 1.08 * max(radius, *(np.nanmax(np.abs(each), initial=0) for each in places))
-    return -reach, reach

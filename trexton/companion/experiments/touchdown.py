@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from trexton.base.defaults import SAMPLES
 from trexton.base.files import scratch_folder
@@ -31,13 +32,13 @@ from trexton.companion.experiments.landings import (
     LandingParameters,
     distances,
     fly_all,
+    landed,
     mission_over,
-    on_target,
-    target_limits,
+    zone_ring,
 )
 from trexton.companion.experiments.style import COLORS, canvas
 from trexton.companion.wording import number, percent
-from trexton.evaluation.metrics import mean_over_groups, success_rate
+from trexton.evaluation.metrics import success_rate
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.localization.localizer import TextonMap
@@ -67,6 +68,7 @@ LANDERS = {
     "fine": Entry("Coarse to fine", "fine", aiding=ATTITUDE),
     "truth": Entry("The true position", "truth"),
 }  # fmt: skip
+CELLS = 2  # parts of the image a side for the field
 FIRST_FLOOR = 600  # seed of the first painted floor; no setting was chosen on these
 
 
@@ -78,11 +80,9 @@ class Parameters(LandingParameters, FloorParameters):
     flights: int = option(2, "flights over each floor", low=1)
     samples: int = option(SAMPLES, "patches drawn from an image", low=1)
     textons: int = option(50, "textons of the field; the paper's filter has its 20", low=2)
-    cells: int = option(2, "parts of the image a side for the field", low=1, high=8)
     settled_s: float = option(
         1.5, "seconds without a jump of the estimate before a predicted touchdown", low=0
     )
-    attitude_deg: float = option(0.3, "noise of the autopilot's attitude in degrees", low=0)
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -108,7 +108,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 for floor, trial in over
             },
         },
-        series={name: _series(sum(trials, [])) for name, trials in flown.items()},
+        series={name: {"touchdown_m": _touchdowns(trials)} for name, trials in flown.items()},
     )
 
 
@@ -125,7 +125,7 @@ def _over_painted(parameters: Parameters, index: int) -> tuple[str, dict[str, li
 
 def _over(train: Flight, parameters: Parameters, seed: int) -> dict[str, list[Attempt]]:
     """The attempts of all landers over one floor."""
-    mission = mission_over(train, parameters, seed=seed, attitude_deg=parameters.attitude_deg)
+    mission = mission_over(train, parameters, seed=seed)
     maps = _maps(train, parameters)
     zones: dict[str, Callable[[np.ndarray], LandingZone]] = {
         "inside": partial(LandingZone, radius=parameters.radius),
@@ -152,9 +152,8 @@ def _maps(train: Flight, parameters: Parameters) -> dict[str, TextonMap]:
     agility: dict[str, Any] = {"motion.agility": 1.0}
     paper = trained_map(train, seed=parameters.seed)
     field = train_map(
-        train, method="field", n_textons=parameters.textons, cells=parameters.cells, rng=rng,
-        **agility,
-    )  # fmt: skip
+        train, method="field", n_textons=parameters.textons, cells=CELLS, rng=rng, **agility
+    )
     return {
         "paper": paper,
         "field": field,
@@ -191,17 +190,6 @@ def rates(floors: Sequence[Mapping[str, int]]) -> dict[str, Any]:
     }
 
 
-def gain(record: Record, name: str, than: str) -> dict[str, float | None]:
-    """By how much more of its flights one lander comes down inside than another, floor by floor,
-    with its 95 % interval over floors.
-    """
-    gains = []
-    for floor in record.values["floors"].values():
-        share, other = (floor[who]["inside"] / floor[who]["attempts"] for who in (name, than))
-        gains.append(share - other)
-    return mean_over_groups(gains, lowest=-1.0, highest=1.0)
-
-
 def _summary(trials: Sequence[list[Attempt]], parameters: Parameters) -> dict[str, Any]:
     """Of one lander's attempts over each floor: counts, rates, when it fired and how far off."""
     attempts: list[Attempt] = sum(trials, [])
@@ -215,13 +203,10 @@ def _summary(trials: Sequence[list[Attempt]], parameters: Parameters) -> dict[st
     }
 
 
-def _series(attempts: list[Attempt]) -> dict[str, Any]:
-    """Touchdowns about the zone's centre, in the resolution of millimetres, and waits."""
-    offset = np.array([attempt.touchdown - attempt.zone for attempt in attempts])
-    return {
-        "touchdown_m": np.round(offset, 3),
-        "wait_s": [round(attempt.wait_s, 2) for attempt in attempts],
-    }
+def _touchdowns(trials: Sequence[list[Attempt]]) -> np.ndarray:
+    """Those of one lander about the zone's centre, in the resolution of millimetres."""
+    attempts: list[Attempt] = sum(trials, [])
+    return np.round([attempt.touchdown - attempt.zone for attempt in attempts], 3)
 
 
 def finding(record: Record) -> str:
@@ -241,18 +226,24 @@ def finding(record: Record) -> str:
 
 def targets(record: Record) -> Figure:
     """Where each touched down, about the centre of its zone."""
-    places = {
-        name: np.array(record.series[name]["touchdown_m"], dtype=float).reshape(-1, 2)
-        for name in LANDERS
-    }
-    radius = record.parameters["radius"]
-    limits = target_limits(list(places.values()), radius)
+    radius, most = record.parameters["radius"], 0.0
     with canvas(2, 3, size=(7.2, 5.6), sharex=True, sharey=True) as (figure, grid):
-        for axes, (name, place) in zip(grid.flat, places.items(), strict=True):
-            on_target(axes, place, radius, COLORS.get(LANDERS[name].map, COLORS["field"]))
-            axes.set_title(fill(LANDERS[name].label, 20), fontsize=8.5)
-            axes.set(xlim=limits, ylim=limits, aspect="equal")
+        for axes, (name, entry) in zip(grid.flat, LANDERS.items(), strict=True):
+            places = np.array(record.series[name]["touchdown_m"], dtype=float).reshape(-1, 2)
+            places = places[np.isfinite(places[:, 0])]
+            most = max(most, np.abs(places).max(initial=radius))
+            axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
+            zone_ring(axes, (0, 0), radius)
+            inside = np.hypot(*places.T) <= radius
+            for within, rows in ((True, inside), (False, ~inside)):
+                words = f"{'inside' if within else 'outside'}: {rows.sum()} of {len(rows)}"
+                color = COLORS.get(entry.map, COLORS["field"])
+                landed(axes, places[rows], color, words, inside=within)
+            axes.set_title(fill(entry.label, 20), fontsize=8.5)
             axes.legend(loc="lower left", fontsize=7, handletextpad=0.1, borderaxespad=0.1)
+            axes.set_aspect("equal")
+        limits = (-1.08 * most, 1.08 * most)
+        grid[0, 0].set(xlim=limits, ylim=limits)
         figure.supxlabel("x from the zone's centre (m)")
         figure.supylabel("y from the zone's centre (m)")
     return figure

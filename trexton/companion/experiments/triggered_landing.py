@@ -27,12 +27,10 @@ from trexton.companion.experiments.landings import (
     fly_all,
     landed,
     mission_over,
-    on_target,
-    target_limits,
     zone_ring,
 )
 from trexton.companion.experiments.printed import published
-from trexton.companion.experiments.style import COLORS, canvas, floor_axes, legend_below, show_floor
+from trexton.companion.experiments.style import COLORS, canvas, floor_axes, show_floor
 from trexton.companion.wording import percent
 from trexton.evaluation.metrics import bootstrap_interval, success_rate
 from trexton.flights.flight import Flight
@@ -46,12 +44,6 @@ class Parameters(MapParameters, LandingParameters):
     """What can be chosen."""
 
     landings: int = option(16, "attempts, each with another zone, path, wind and start", low=1)
-    spread: float = option(0.6, "theta: standard deviation in metres that still lands", low=0)
-    consecutive: int = option(1, "estimates in a row that must agree", low=1)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        LandingZone((0, 0), self.radius, self.spread, self.consecutive)  # refuses the rest
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -69,12 +61,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         The flight has no floor or camera, or the area is too small for the zone.
     """
     mission = mission_over(train, parameters, seed=parameters.seed)
-    zone = partial(
-        LandingZone,
-        radius=parameters.radius,
-        spread=parameters.spread,
-        consecutive=parameters.consecutive,
-    )
+    zone = partial(LandingZone, radius=parameters.radius)
     options = {name: getattr(parameters, name) for name in ("samples", "particles", "neighbors")}
     paper = Lander(map_of(train, parameters), zone, options)
     flown = fly_all(mission, {"paper": paper, "perfect": Lander(None, zone)}, parameters.landings)
@@ -89,7 +76,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def summarize_attempts(attempts: list[Attempt], parameters: LandingParameters) -> dict[str, Any]:
-    """Rates with 95 % intervals, distances beyond the circle, waiting times, what a miss is of."""
+    """Rates with 95 % intervals, and distances beyond the circle."""
     done = [attempt for attempt in attempts if attempt.triggered]
     beyond = 100 * (distances(attempts, "touchdown") - parameters.radius)
     outliers = np.sort(beyond[beyond > 0])
@@ -110,22 +97,7 @@ def summarize_attempts(attempts: list[Attempt], parameters: LandingParameters) -
             "inside": int((early <= 0).sum()),
             "outliers_cm": early[early > 0],
         },
-        "wait_s": _quantiles([attempt.wait_s for attempt in attempts]),
-        "trigger_error_cm": _quantiles(
-            [100 * np.hypot(*(attempt.estimate - attempt.truth)) for attempt in done]
-        ),
-        "lag_cm": _quantiles([_lag(attempt) for attempt in done]),
-        "drift_cm": _quantiles(
-            [100 * np.hypot(*(attempt.touchdown - attempt.truth)) for attempt in done]
-        ),
     }
-
-
-def _lag(attempt: Attempt) -> float:
-    """How far in cm the estimate trails the vehicle at the trigger, along the way it flies."""
-    return float(
-        100 * (attempt.truth - attempt.estimate) @ attempt.velocity / np.hypot(*attempt.velocity)
-    )
 
 
 def _mean(values: np.ndarray, rng: np.random.Generator) -> dict[str, Any] | None:
@@ -137,12 +109,6 @@ def _mean(values: np.ndarray, rng: np.random.Generator) -> dict[str, Any] | None
     return {"value": values.mean(), "low": low, "high": high}
 
 
-def _quantiles(values: list[float]) -> dict[str, Any] | None:
-    if not values:
-        return None
-    return dict(zip(("p10", "median", "p90"), np.percentile(values, (10, 50, 90)), strict=True))
-
-
 def _series(attempts: list[Attempt], parameters: LandingParameters) -> dict[str, Any]:
     """What the figures draw; paths in millimetres' resolution, of the first attempts only."""
     columns = {
@@ -150,11 +116,8 @@ def _series(attempts: list[Attempt], parameters: LandingParameters) -> dict[str,
         for name in ("zone", "estimate", "truth", "touchdown")
     }
     return columns | {
-        "triggered": [attempt.triggered for attempt in attempts],
-        "wait_s": [attempt.wait_s for attempt in attempts],
         "beyond_cm": 100 * (distances(attempts, "touchdown") - parameters.radius),
         "paths_m": [np.round(attempt.path, 3) for attempt in attempts[:PAPER_LANDINGS]],
-        "radius_m": parameters.radius,
     }
 
 
@@ -196,11 +159,11 @@ def first_flights(record: Record) -> Figure:
             axes.plot(
                 *np.array(series["paths_m"][number]).T, color=COLORS["truth"], lw=1.1, label="flown"
             )
-            zone_ring(axes, series["zone_m"][number], series["radius_m"], label="zone")
+            zone_ring(axes, series["zone_m"][number], record.parameters["radius"], label="zone")
             beyond = series["beyond_cm"][number]
             outcome = "never triggered"
             axes.label_outer()
-            if series["triggered"][number]:
+            if beyond is not None:
                 outcome = "inside" if beyond <= 0 else f"{beyond:.0f} cm outside"
                 lag = np.transpose((truth[number], estimate[number]))
                 axes.plot(*lag, color=COLORS["truth"], lw=0.8, ls=":")
@@ -221,23 +184,6 @@ def first_flights(record: Record) -> Figure:
             list(entries.values()), list(entries), loc="outside lower center", ncols=3,
             columnspacing=1.2, handletextpad=0.4,
         )  # fmt: skip
-    return figure
-
-
-def targets(record: Record) -> Figure:
-    """All landings as on a target: where the vehicle was at the trigger, and at touchdown."""
-    series = record.series
-    titles = {"truth": "Where the trigger fired", "touchdown": "Where it touched down"}
-    places = [
-        np.array(series[f"{name}_m"], dtype=float) - np.array(series["zone_m"]) for name in titles
-    ]
-    limits = target_limits(places, series["radius_m"])
-    with canvas(1, 2, size=(7.2, 3.9), sharex=True, sharey=True) as (figure, grid):
-        for axes, place, title in zip(grid[0], places, titles.values(), strict=True):
-            on_target(axes, place, series["radius_m"], COLORS["paper"])
-            axes.set(title=title, xlabel="x from the zone's centre (m)", aspect="equal")
-            legend_below(axes, 0.2, columns=2)
-        grid[0, 0].set(ylabel="y from the zone's centre (m)", xlim=limits, ylim=limits)
     return figure
 
 
@@ -266,30 +212,6 @@ def table(record: Record) -> pd.DataFrame:
 
 def _outside(beyond: list[float]) -> str:
     return f"{np.mean(beyond):.0f}, {max(beyond):.0f}" if len(beyond) else ""
-
-
-def causes(record: Record) -> pd.DataFrame:
-    """What a miss is made of: the estimate's error, its lag, the drift while landing; and waits."""
-    columns = {
-        "Error at the trigger (cm)": "trigger_error_cm",
-        "Lag of the estimate (cm)": "lag_cm",
-        "Drift to touchdown (cm)": "drift_cm",
-        "Wait for the trigger (s)": "wait_s",
-    }
-    flown = {"Localizer": record.values, "True position": record.values["perfect"]}
-    return pd.DataFrame(
-        [
-            {"": name} | {column: _range(summary[key]) for column, key in columns.items()}
-            for name, summary in flown.items()
-        ]
-    )
-
-
-def _range(quantiles: dict[str, Any] | None) -> str:
-    if quantiles is None:
-        return ""
-    median, low, high = (f"{quantiles[key]:.0f}" for key in ("median", "p10", "p90"))
-    return f"{median} <small>[{low}, {high}]</small>"
 
 
 EXPERIMENT = Experiment("Triggered landing", Parameters, run, finding, needs=SURVEYED, cost_s=90)
