@@ -24,7 +24,7 @@ from trexton.registration.layout import (
     steps,
 )
 from trexton.registration.links import Anchors, Links, match_frames
-from trexton.registration.mosaic import map_from_links, stitch
+from trexton.registration.mosaic import stitch
 from trexton.registration.poses import floor_jacobian, floor_points, world_from_pixel
 from trexton.simulator import Effects, record_flight
 from trexton.vision.camera import Camera, transform_points
@@ -271,16 +271,6 @@ def test_the_mosaic_lies_where_the_floor_is(flight):
                     shifts.append(np.hypot(*shift))
     metres = np.array(shifts) * np.hypot(*mosaic.map.world_from_pixel[:2, 0])
     assert len(metres) > 20 and np.median(metres) < 0.015
-
-
-def test_the_links_of_a_mosaic_make_it_again(flight):
-    part = flight.select(slice(0, 40))
-    mosaic = stitch(part, anchors=4)
-    again = map_from_links(part, mosaic.links, anchors=4)
-    assert again.rejected == 0 and len(again.links) == len(mosaic.links) == len(mosaic.errors)
-    np.testing.assert_allclose(again.poses[:, :3], mosaic.poses[:, :3], atol=0.01)
-    with pytest.raises(ParameterError, match="anchors"):
-        map_from_links(part, mosaic.links, anchors=1)
 
 
 @pytest.mark.parametrize("flight", ["tilted"], indirect=True, scope="module")

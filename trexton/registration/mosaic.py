@@ -31,7 +31,7 @@ from trexton.vision.camera import Camera, MapImage, transform_points
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.threads import ahead
 
-__all__ = ["Mosaic", "flight_camera", "map_from_links", "stitch"]
+__all__ = ["Mosaic", "flight_camera", "stitch"]
 
 # Of a frame's width: how far off the layout may be each time spatial neighbours are looked for.
 _REACHES = (0.2, 0.05)
@@ -122,18 +122,6 @@ def _stitched(flight: Flight, camera: Camera, anchors: int, scale: float, keypoi
     for reach in _REACHES:
         links = links + spatial_links(described, poses, camera, _NEIGHBORS, reach, linked)
         poses = adjust(poses, links, held, camera.focal, widths=(8, 4, 2))
-    return _finished(flight, poses, links, held, camera)
-
-
-def map_from_links(flight: Flight, links: Links, *, anchors: int) -> Mosaic:
-    """The mosaic that these links make, no others looked for; errors as for `stitch`.
-
-    With links along the path only and few anchors it drifts, as a map does that never notices a
-    place again.
-    """
-    camera = flight_camera(flight)
-    held = _choose_anchors(flight, links, anchors)
-    poses = adjust(layout(len(flight), links, held, camera.focal), links, held, camera.focal)
     return _finished(flight, poses, links, held, camera)
 
 

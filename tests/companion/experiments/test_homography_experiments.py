@@ -7,13 +7,11 @@ import pytest
 from trexton.companion.experiments import homography_baseline, homography_training, mosaic
 from trexton.companion.experiments.homography_training import filtered_positions
 from trexton.companion.experiments.mosaic import (
-    drifting_map,
     floor_residual,
     locate_all,
     stitched_map,
 )
 from trexton.companion.experiments.style import COLORS
-from trexton.registration.mosaic import map_from_links
 from trexton.simulator import Floor, record_flight
 from trexton.vision.camera import Camera, MapImage
 
@@ -41,7 +39,7 @@ def flights(tmp_path_factory):
 
 def test_fixes_on_the_true_floor_are_right(flights):
     _, test = flights
-    position, seconds = locate_all({"floor": test.floor}, test)["floor"]
+    position, seconds = locate_all(test.floor, test)
     error = np.hypot(*(position - test.position).T)
     assert np.isfinite(position).all() and (seconds > 0).all()
     # What is left is the tilt, which the method does not know: a metre of height times a few
@@ -72,26 +70,6 @@ def test_the_mosaic_record_says_what_the_mosaic_is(flights):
     np.testing.assert_array_equal(plan.lines[1].get_xydata(), train.position[stitched.anchors])
 
 
-def test_the_drifting_map_never_notices_a_place_again(flights, monkeypatch):
-    train, _ = flights
-    full, linked = stitched_map(train, 6), []
-
-    def remembered(flight, links, anchors):
-        linked.append(links)
-        assert anchors == 3
-        return map_from_links(flight, links, anchors=anchors)
-
-    monkeypatch.setattr(mosaic, "map_from_links", remembered)
-    drifting = drifting_map(train, 6)
-    assert (np.diff(linked[0].pairs, axis=1) <= 12).all()
-    assert (np.diff(full.links.pairs, axis=1) > 12).any()
-    residual = [
-        np.median(np.hypot(*floor_residual(each, train.floor)[1].T))
-        for each in (full.map, drifting)
-    ]
-    assert residual[1] > residual[0]
-
-
 def test_the_residual_leaves_mismatches_out_and_keeps_large_distortion(flights):
     floor = flights[0].floor
     rows, columns = floor.image.shape[:2]
@@ -105,14 +83,12 @@ def test_the_residual_leaves_mismatches_out_and_keeps_large_distortion(flights):
     assert np.median(np.abs(deviation[:, 0] - expected)) < 0.003
 
 
-def test_the_baseline_counts_failures_and_shows_both_maps(flights):
+def test_the_baseline_counts_failures_and_shows_the_fixes(flights):
     train, test = flights
     record = homography_baseline.run(train, test, homography_baseline.Parameters(anchors=6))
     position = np.array(record.series["mosaic_m"], dtype=float)
     lost = int((~np.isfinite(position).all(axis=1)).sum())
     assert record.values["mosaic"]["missing"] == lost
-    assert record.values["perfect_floor"]["missing"] == 0
-    assert record.values["perfect_floor"]["error_cm_x"]["value"] < 15
     error = np.abs(position - test.position)[np.isfinite(position).all(axis=1)]
     assert record.values["mosaic"]["error_cm_x"]["value"] == pytest.approx(100 * error[:, 0].mean())
     drawn = {line.get_label(): line for line in homography_baseline.fixes(record).axes[0].lines}
@@ -145,7 +121,7 @@ def test_training_on_homography_positions_differs_only_in_them(flights):
     )
     values = record.values
     assert values["filter"]["frames"] == len(test)
-    position, _ = locate_all({"mosaic": stitched_map(train, 6).map}, train)["mosaic"]
+    position, _ = locate_all(stitched_map(train, 6).map, train)
     known = np.isfinite(position).all(axis=1)
     assert values["filter_training"]["missing"] == (~known).sum()
     assert values["filter_training"]["error_cm_y"]["value"] == pytest.approx(

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.base.errors import MapError
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment
 from trexton.companion.experiments.evaluation import map_picture
-from trexton.companion.experiments.mosaic import (
-    FEWEST_ANCHORS,
-    SAME_PASS_FRAMES,
-    MosaicParameters,
-    drifting_map,
-    floor_residual,
-    locate_all,
-    stitched_map,
-)
+from trexton.companion.experiments.mosaic import MosaicParameters, locate_all, stitched_map
 from trexton.companion.experiments.style import COLORS, legend_below, plan_canvas
-from trexton.companion.wording import interval, middle, number
+from trexton.companion.wording import interval, number
 from trexton.evaluation.metrics import summarize
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
@@ -36,50 +26,38 @@ class Parameters(MosaicParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Locate every test frame on the mosaic of the training flight, unfiltered, and beside it on
-    other maps.
-
-    The true floor, where the flight carries it, is a perfect map: the difference is the price of
-    the mosaic. A mosaic that drifts, because it never notices a place again, shows what a distorted
-    map costs.
+    """Locate every test frame on the mosaic of the training flight, unfiltered.
 
     Parameters
     ----------
     train, test : Flight
         With images.
     """
-    maps = {"mosaic": stitched_map(train, parameters.anchors).map}
-    with suppress(MapError):  # some flights hang together only by places that are seen again
-        maps["drifting"] = drifting_map(train, parameters.anchors)
-    if test.floor is not None:
-        maps["perfect_floor"] = test.floor
-    located = locate_all(maps, test)
+    picture = stitched_map(train, parameters.anchors).map
+    position, seconds = locate_all(picture, test)
     rng = stream(parameters.seed, "intervals")
     values: dict[str, Any] = {
-        name: summarize([position], test.position, test.diagonal, rng=rng)
-        for name, (position, _) in located.items()
+        "mosaic": summarize([position], test.position, test.diagonal, rng=rng)
     }
-    if "drifting" in maps:
-        values["drift"] = {"linked_frames": SAME_PASS_FRAMES, "anchors": FEWEST_ANCHORS}
-    for name in ("mosaic", "drifting"):
-        if name in maps and train.floor is not None:
-            _, deviation = floor_residual(maps[name], train.floor)
-            values[name]["map_residual_cm"] = 100 * float(np.median(np.hypot(*deviation.T)))
     if test.attitude is not None and test.height is not None:
         # From the place below the vehicle to the floor point of the image's centre: unknown to the
         # method.
         offset = test.height * np.hypot(*np.tan(test.attitude[:, :2]).T)
         if len(offset := offset[np.isfinite(offset)]):  # a heading may be known where no tilt is
             values["tilt_offset_cm"] = 100 * float(offset.mean())
-    extent, picture = map_picture(maps["mosaic"], 900)
-    series = {f"{name}_m": position for name, (position, _) in located.items()}
+    extent, drawn = map_picture(picture, 900)
     return parameters.record(
         train,
         test,
         values=values,
-        series=series | {"truth_m": test.position, "area_m": test.area, "map": extent},
-        images={"map": picture},
-        timings={"locate_s": of_frames(located["mosaic"][1])},
+        series={
+            "mosaic_m": position,
+            "truth_m": test.position,
+            "area_m": test.area,
+            "map": extent,
+        },
+        images={"map": drawn},
+        timings={"locate_s": of_frames(seconds)},
     )
 
 
@@ -96,8 +74,6 @@ def finding(record: Record) -> str:
     )
     if "tilt_offset_cm" in values:
         text += f" The camera's tilt alone costs {number(values['tilt_offset_cm'])} cm."
-    if error := values.get("drifting", {}).get("mean_cm"):
-        text += f" On a map that drifts the error is {number(middle(error))} cm."
     return text
 
 

@@ -63,7 +63,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         With images.
     """
     picture = stitched_map(train, parameters.anchors).map
-    position, _ = locate_all({"mosaic": picture}, train)["mosaic"]
+    position, _ = locate_all(picture, train)
     sources = {"filter": position, "remedy": filtered_positions(position)}
     rng = stream(parameters.seed, "intervals")
     values: dict[str, Any] = {

@@ -25,11 +25,9 @@ from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 from trexton.registration.homography import HomographyLocalizer, detect_keypoints
 from trexton.registration.links import Links
-from trexton.registration.mosaic import Mosaic, map_from_links, stitch
+from trexton.registration.mosaic import Mosaic, stitch
 from trexton.vision.camera import MapImage
 
-SAME_PASS_FRAMES = 12  # frames: links between frames that are further apart notice a place again
-FEWEST_ANCHORS = 3
 _PLAIN = ("poses", "used", "anchors", "errors")  # arrays of a mosaic that are stored as they are
 # Matches of two pictures of a floor that deviate so much otherwise than so many around them are
 # mismatches.
@@ -120,43 +118,23 @@ def stitched_map(train: Flight, anchors: int = 0) -> Mosaic:
     )
 
 
-def drifting_map(train: Flight, anchors: int = 0) -> MapImage:
-    """The map of `train` if it never noticed a place again: links along the path only, three
-    anchors.
-
-    Raises
-    ------
-    MapError
-        The flight hangs together only by places that are seen again.
-    """
-    links = stitched_map(train, anchors).links
-    along = np.diff(links.pairs, axis=1).ravel() <= SAME_PASS_FRAMES
-    return map_from_links(train, links[along], anchors=FEWEST_ANCHORS).map
-
-
-def locate_all(
-    pictures: dict[str, MapImage], flight: Flight
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Locate every frame of a flight on each of some maps, unfiltered; keypoints are detected once.
+def locate_all(picture: MapImage, flight: Flight) -> tuple[np.ndarray, np.ndarray]:
+    """Locate every frame of a flight on a map, unfiltered.
 
     Returns
     -------
-    dict of (N, 2) and (N,) arrays
-        By map: positions in metres (NaN: no homography), and the seconds that each frame took.
+    position : (N, 2) array
+        Metres; NaN: no homography.
+    seconds : (N,) array
+        What each frame took.
     """
-    localizers = {name: HomographyLocalizer(picture) for name, picture in pictures.items()}
-    describe = next(iter(localizers.values())).describe
-    rows: dict[str, Any] = {name: [] for name in localizers}
+    localizer = HomographyLocalizer(picture)
+    positions, seconds = [], []
     for image in progress(flight.images(), "locating", len(flight)):
         start = perf_counter()
-        keypoints = describe(image)
-        described_s = perf_counter() - start
-        for name, localizer in localizers.items():
-            start = perf_counter()
-            position = localizer.fix(keypoints, image.shape[:2]).position
-            rows[name].append((position, described_s + perf_counter() - start))
-    columns = {name: tuple(zip(*located, strict=True)) for name, located in rows.items()}
-    return {name: (np.array(place), np.array(took)) for name, (place, took) in columns.items()}
+        positions.append(localizer.locate(image).position)
+        seconds.append(perf_counter() - start)
+    return np.array(positions), np.array(seconds)
 
 
 def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.ndarray]:
