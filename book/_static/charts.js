@@ -1,92 +1,11 @@
-/* Charts that tell their values on hover, tap and arrow keys, and enlarge; tables that sliders explore. No library. */
+/* Charts that enlarge, flights that are chosen once, the player's theme and height. No library. */
 (function () {
   "use strict";
-  const SVG = "http://www.w3.org/2000/svg";
-
   function make(name, properties, parent) {
     const element = document.createElement(name);
     Object.assign(element, properties);
     if (parent) parent.append(element);
     return element;
-  }
-
-  /* A value with four digits; the name of the tick where the axis has names. */
-  function said(axis, value) {
-    if (axis.names && Number(value.toPrecision(6)) in axis.names) return axis.names[Number(value.toPrecision(6))];
-    return String(Number(value.toPrecision(4)));
-  }
-
-  function place(axis, low, high, value) {
-    const scale = axis.log ? Math.log10 : (v) => v;
-    const [first, last] = axis.limits.map(scale);
-    return low + ((scale(value) - first) / (last - first)) * (high - low);
-  }
-
-  /* Every point of a chart in the coordinates of its drawing. */
-  function points(data) {
-    const found = [];
-    for (const axes of data) {
-      const [left, top, right, bottom] = axes.box;
-      axes.lines.forEach((line, series) => line.x.forEach((x, i) => {
-        const y = line.y[i];
-        if (x === null || y === null) return;
-        const px = place(axes.x, left, right, x), py = place(axes.y, bottom, top, y);
-        if (px < left - 1 || px > right + 1 || py < top - 1 || py > bottom + 1) return;
-        found.push({ axes, line, series, i, x, y, px, py });
-      }));
-    }
-    return found;
-  }
-
-  function tellValues(figure, svg, data) {
-    const all = points(data);
-    if (!all.length) return;
-    const tell = make("div", { className: "tell", hidden: true }, figure);
-    tell.setAttribute("role", "status");
-    const ring = document.createElementNS(SVG, "circle");
-    for (const [key, value] of Object.entries({ r: 5, fill: "none", stroke: "currentColor", "stroke-width": 1.6, visibility: "hidden" }))
-      ring.setAttribute(key, value);
-    svg.append(ring);
-    let current = -1;
-
-    function show(index) {
-      current = index;
-      if (index < 0) { tell.hidden = true; ring.setAttribute("visibility", "hidden"); return; }
-      const p = all[index], box = svg.getBoundingClientRect(), frame = figure.getBoundingClientRect();
-      const scale = box.width / svg.viewBox.baseVal.width;
-      ring.setAttribute("cx", p.px); ring.setAttribute("cy", p.py); ring.setAttribute("visibility", "visible");
-      tell.textContent = [p.line.label, `${p.axes.x.label || "x"}: ${said(p.axes.x, p.x)}`, `${p.axes.y.label || "y"}: ${said(p.axes.y, p.y)}`]
-        .filter(Boolean).join(" · ");
-      tell.hidden = false;
-      const x = box.left - frame.left + figure.scrollLeft + p.px * scale, y = box.top - frame.top + p.py * scale;
-      tell.style.left = Math.max(0, Math.min(x + 10, figure.scrollLeft + frame.width - tell.offsetWidth - 4)) + "px";
-      tell.style.top = Math.max(0, y - tell.offsetHeight - 8) + "px";
-    }
-
-    svg.addEventListener("pointermove", (event) => {
-      const box = svg.getBoundingClientRect(), scale = svg.viewBox.baseVal.width / box.width;
-      const x = (event.clientX - box.left) * scale, y = (event.clientY - box.top) * scale;
-      let best = -1, least = 30 * 30;
-      all.forEach((p, i) => { const d = (p.px - x) ** 2 + (p.py - y) ** 2; if (d < least) { least = d; best = i; } });
-      show(best);
-    });
-    svg.addEventListener("pointerleave", () => show(-1));
-    figure.tabIndex = 0;
-    figure.setAttribute("role", "group");
-    figure.setAttribute("aria-label", "Chart: arrow keys tell its values");
-    figure.addEventListener("keydown", (event) => {
-      if (event.target !== figure) return;
-      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-      if (step) show((current + step + all.length) % all.length);
-      else if (event.key === "ArrowDown" || event.key === "ArrowUp") {
-        const from = all[Math.max(0, current)], way = event.key === "ArrowDown" ? 1 : -1;
-        let i = Math.max(0, current);
-        do i = (i + way + all.length) % all.length; while (i !== current && all[i].line === from.line && all[i].axes === from.axes && i !== 0);
-        show(i);
-      } else if (event.key === "Escape") show(-1);
-      else return;
-      event.preventDefault();
-    });
   }
 
   /* The same drawing over the whole window: wheel, pinch or keys enlarge it, dragging moves it. */
@@ -117,35 +36,6 @@
     dialog.showModal();
   }
 
-  /* Sliders over a table: its first columns (data-explore says how many) are what is chosen, the row is the answer. */
-  function explore(table) {
-    const count = Number(table.dataset.explore), body = [...table.tBodies[0].rows];
-    const rows = body.map((row) => [...row.cells].map((cell) => cell.textContent.trim()));
-    const heads = [...table.tHead.rows[0].cells].map((cell) => cell.textContent.trim());
-    const box = make("div", { className: "explore" });
-    (table.closest(".pst-scrollable-table-container") || table).before(box);
-    const start = Math.max(0, body.findIndex((row) => row.dataset.start !== undefined));
-    const inputs = heads.slice(0, count).map((head, column) => {
-      const values = [...new Set(rows.map((row) => row[column]))];
-      const label = make("label", {}, box);
-      make("span", { textContent: head }, label);
-      const input = make("input", { type: "range", min: 0, max: values.length - 1, step: 1, value: values.indexOf(rows[start][column]) }, label);
-      input.disabled = values.length < 2;
-      return { input, values, shown: make("output", {}, label) };
-    });
-    const answer = make("output", { className: "answer" }, box);
-    const see = (row) => { if (row) table.parentElement.scrollTop = row.offsetTop - table.parentElement.clientHeight / 2; };
-    function update() {
-      const chosen = inputs.map(({ input, values }) => values[input.value]);
-      inputs.forEach(({ input, shown }, i) => { shown.textContent = chosen[i]; input.setAttribute("aria-valuetext", chosen[i]); });
-      const found = rows.findIndex((row) => chosen.every((value, i) => row[i] === value));
-      answer.textContent = found < 0 ? "not tried" : heads.slice(count).map((head, i) => `${head}: ${rows[found][count + i]}`).join(" · ");
-      body.forEach((row, i) => row.classList.toggle("chosen", i === found));
-    }
-    inputs.forEach(({ input }) => input.addEventListener("input", () => { update(); see(body.find((row) => row.classList.contains("chosen"))); }));
-    update();
-  }
-
   function theme() {
     const now = document.documentElement.dataset.theme;
     document.querySelectorAll("iframe.player").forEach((frame) => frame.contentWindow && frame.contentWindow.postMessage({ theme: now }, "*"));
@@ -170,11 +60,12 @@
     document.querySelectorAll("figure.plate").forEach((figure) => {
       const svg = figure.querySelector("svg.chart");
       if (!svg) return;
-      const script = svg.querySelector("script.chart-data");
-      if (script) tellValues(figure, svg, JSON.parse(script.textContent));
+      /* On a phone it scrolls, and what scrolls is reached by keys. */
+      figure.tabIndex = 0;
+      figure.setAttribute("role", "group");
+      figure.setAttribute("aria-label", "Chart");
       make("button", { type: "button", className: "enlarge", textContent: "Enlarge", onclick: () => enlarge(figure, svg) }, figure);
     });
-    document.querySelectorAll("table[data-explore]").forEach(explore);
     /* The flight that is chosen once is shown everywhere. */
     document.querySelectorAll(".flights > input").forEach((input) => input.addEventListener("change", () => {
       const top = input.getBoundingClientRect().top;

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import xml.etree.ElementTree as ET
 from html import unescape
@@ -14,7 +13,7 @@ from trexton.base.errors import DataError
 from trexton.companion.build.charts import inline_figure, is_figure
 from trexton.companion.build.mathematics import mathml
 from trexton.companion.build.postprocessing import finish_page
-from trexton.companion.experiments.drawing import chart_data, to_png, to_svg
+from trexton.companion.experiments.drawing import to_png, to_svg
 from trexton.companion.experiments.style import COLORS, canvas
 
 
@@ -36,30 +35,10 @@ def draw():
     return figure
 
 
-def test_a_figure_carries_the_numbers_it_shows(figure):
-    left, right = chart_data(figure)
-    assert left["lines"] == [{"label": "filter", "x": [1, 10, 100], "y": [3.0, None, 1.5]}]
-    assert left["x"]["label"] == "samples" and left["x"]["log"] and not left["y"]["log"]
-    assert left["box"][0] < left["box"][2] < right["box"][0] and left["box"][1] < left["box"][3]
-    told = {line["label"]: (line["x"], line["y"]) for line in right["lines"] if line["label"]}
-    assert told == {"<costs>": ([0, 1], [2, 4]), "bars": ([0, 1], [2, 4]), "dots": ([0.5], [3])}
-    assert right["x"]["names"] == {"0": "a & b", "1": "c"}
-
-
-def test_points_lie_where_the_drawing_has_them(figure):
-    svg = to_svg(figure).decode()
-    box = chart_data(figure)[0]["box"]
-    frame = re.search(r'id="patch_2">\s*<path d="([^"]+)"', svg)
-    corners = np.array(re.findall(r"-?[\d.]+", frame[1]), float).reshape(-1, 2)
-    assert np.allclose([*corners.min(axis=0), *corners.max(axis=0)], box, atol=0.02)
-
-
 def test_svg_is_whole_equal_in_every_run_and_keeps_the_scale_of_its_letters(figure):
     svg = to_svg(figure)
     assert svg == to_svg(draw()) and is_figure(svg.decode())
-    root = ET.fromstring(svg)
-    script = root.find("{http://www.w3.org/2000/svg}script")
-    assert json.loads(script.text) == chart_data(figure)
+    ET.fromstring(svg)
     assert "scale(0.015625)" in svg.decode()
     assert to_png(figure).startswith(b"\x89PNG")
 

@@ -1,4 +1,4 @@
-"""What moves: the player, charts that tell their values, sliders, filters of the ledger."""
+"""What moves: the player, charts that enlarge, filters of the ledger."""
 
 from __future__ import annotations
 
@@ -86,35 +86,6 @@ def test_a_player_is_under_two_megabytes(book):
     assert all(path.stat().st_size < 2_000_000 for path in book.rglob("*-player.html"))
 
 
-def test_a_chart_tells_the_value_under_the_pointer_and_by_keys(open_page, book):
-    name = first_page(book, "mocap_training.html")
-    page, _ = open_page(name)
-    charts = page.query_selector_all("figure.plate:has(svg.chart)")
-    chart = [each for each in charts if each.is_visible()][-1]  # of the flight that is shown
-    chart.scroll_into_view_if_needed()
-    data = json.loads(chart.query_selector("script.chart-data").text_content())
-    axes = data[0]
-    chart.focus()
-    page.keyboard.press("ArrowRight")
-    told = chart.query_selector(".tell").inner_text()
-    line = axes["lines"][0]
-    assert line["label"] in told
-    assert str(float(f"{line['x'][0]:.4g}")).removesuffix(".0") in told
-    assert str(float(f"{line['y'][0]:.4g}")).removesuffix(".0") in told
-    box, (left, top, right, bottom) = chart.query_selector("svg").bounding_box(), axes["box"]
-    scale = box["width"] / page.evaluate(
-        "s => s.viewBox.baseVal.width", chart.query_selector("svg")
-    )
-    low, high = axes["x"]["limits"]
-    bottom_value, top_value = axes["y"]["limits"]
-    i = len(line["x"]) // 2
-    x = left + (line["x"][i] - low) / (high - low) * (right - left)
-    y = bottom + (line["y"][i] - bottom_value) / (top_value - bottom_value) * (top - bottom)
-    page.mouse.move(box["x"] + scale * x, box["y"] + scale * y)
-    value = f"{line['y'][i]:.3g}"
-    assert f"{axes['y']['label']}: {value}"[:-1] in chart.query_selector(".tell").inner_text()
-
-
 def test_a_chart_enlarges_and_closes(open_page, book):
     page, _ = open_page(first_page(book, "mocap_training.html"))
     page.hover("figure.plate:has(svg.chart)")
@@ -124,27 +95,6 @@ def test_a_chart_enlarges_and_closes(open_page, book):
     assert page.get_attribute("dialog.enlarged svg", "viewBox") != whole
     page.keyboard.press("Escape")
     page.wait_for_selector("dialog.enlarged", state="detached")
-
-
-def test_sliders_tell_the_cell_of_their_table(open_page, book):
-    name = first_page(book, "trade_off.html")
-    page, _ = open_page(name)
-    if page.query_selector("table[data-explore]") is None:
-        pytest.skip("this book was made before it had sliders")
-    heads = page.eval_on_selector("table[data-explore]", "t => Number(t.dataset.explore)")
-    rows = page.eval_on_selector(
-        "table[data-explore]",
-        "t => [...t.tBodies[0].rows].map(r => [...r.cells].map(c => c.textContent.trim()))",
-    )
-    columns = [list(dict.fromkeys(row[i] for row in rows)) for i in range(heads)]
-    for row in (rows[0], rows[len(rows) // 2], rows[-1]):
-        for i in range(heads):
-            page.evaluate(
-                "([i, v]) => { const s = document.querySelectorAll('.explore input')[i];"
-                " s.value = v; s.dispatchEvent(new Event('input')); }",
-                [i, columns[i].index(row[i])],
-            )
-        assert row[heads] in page.inner_text(".explore output.answer")
 
 
 def test_tabs_show_one_flight_without_scripts_and_the_one_chosen_everywhere_with(open_page, book):

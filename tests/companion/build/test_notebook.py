@@ -111,37 +111,9 @@ def test_errors_stand_beside_the_papers_with_their_intervals(page):
     assert rows[1][-1] == "5.1" and set(rows[2][1:]) == {""}
 
 
-def test_a_table_to_explore_tells_how_many_columns_choose(page):
-    rows = [
-        {"samples": 100, "cells": None, "cm": {"value": 9.0, "low": 8.0, "high": 10.0}},
-        {"samples": 400, "cells": 2, "cm": None},
-    ]
-    chosen = {"Samples": "samples", "Cells": "cells"}
-    html = page.explore(rows, chosen, {"Error": "cm"}, "Choices").data
-    assert html.count('data-explore="2"') == 1
-    assert re.findall("<td>(.*?)</td>", html)[:3] == [
-        "100",
-        "all",
-        "9.0 <small>[8.0, 10.0]</small>",
-    ]
-    assert re.findall("<td>(.*?)</td>", html)[3:] == ["400", "2", ""]
-
-
 def test_what_is_kept_with_the_code_is_found_and_what_is_not_is_none():
     assert notebook.reference("fine").experiment == "fine" and notebook.swept("suitability")
     assert notebook.reference("nothing") is None and notebook.swept("nothing") is None
-
-
-def test_sliders_begin_at_the_first_row_that_is_most_like_the_record(names):
-    given = notebook.given(Parameters, names)
-    page = notebook.Page(given.parameters.record(given.train, values={}), given)
-    tried = [(2, 1, 9.5), (3, 1, 8.5), (3, 2, 7.5)]
-    rows = [{"trials": n, "noise": noise, "error": error} for n, noise, error in tried]
-    html = page.explore(
-        rows, {"Trials": "trials", "Noise": "noise"}, {"Error": "error"}, "All."
-    ).data
-    assert 'data-explore="2"' in html and html.count("data-start") == 1
-    assert html.index("9.5") < html.index("data-start") < html.index("8.5")
 
 
 def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):

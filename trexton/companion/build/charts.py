@@ -1,4 +1,4 @@
-"""Figures set into the page itself: they follow its theme, tell their values, and weigh less."""
+"""Figures set into the page itself: they follow its theme, and weigh less."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _NARROW = 400  # points, up to which a figure can be read on a phone as it is
 
 
 def is_figure(svg: str) -> bool:
-    """Whether this is one of our figures, which carry their data."""
-    return 'class="chart-data"' in svg
+    """Whether this is one of our figures, which Matplotlib drew."""
+    return "<dc:title>Matplotlib" in svg
 
 
 def inline_figure(svg: str, name: str, alt: str) -> str:

@@ -77,42 +77,6 @@ class Page:
             f'<iframe class="player" src="{name}" title="Flight player" loading="lazy"></iframe>'
         )
 
-    def explore(
-        self,
-        rows: list[dict[str, Any]],
-        chosen: dict[str, str],
-        answers: dict[str, str],
-        caption: str,
-    ) -> HTML:
-        """A table that sliders explore: what was chosen, and what each choice gave.
-
-        Parameters
-        ----------
-        rows : list of dict
-            One a choice. Sliders begin at the first that is most like the record's parameters.
-        chosen, answers : dict of str to str
-            Head of each column, and its key in the rows; the chosen ones come first.
-        caption : str
-        """
-        table = pd.DataFrame(
-            [
-                {
-                    head: "all" if row[key] is None else _number(row[key])
-                    for head, key in chosen.items()
-                }
-                | {head: _interval(row[key]) for head, key in answers.items()}
-                for row in rows
-            ]
-        )
-        given = self.record.parameters
-        like = [sum(given.get(key) == row[key] for key in chosen.values()) for row in rows]
-        head, body = self.frame(table, caption).data.split("<tbody>")
-        lines = body.split("<tr>")
-        first = like.index(max(like)) + 1
-        html = "<tbody>".join([head, "<tr>".join(lines[:first])])
-        html += "<tr data-start>" + "<tr>".join(lines[first:])
-        return HTML(html.replace("<table", f'<table data-explore="{len(chosen)}"', 1))
-
     def finding(self, sentence: str | None = None) -> HTML:
         """The finding of the experiment on this flight, in one sentence made from the record.
 

@@ -29,15 +29,13 @@ from trexton.evaluation.runtime import frequency, milliseconds
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.neighbors import NearestHistograms
-from trexton.localization.training import with_choices, with_parts
+from trexton.localization.training import with_choices
 from trexton.vision.histograms import sampled_histogram, texton_histogram
 from trexton.vision.patches import position_grid
 
 SWEPT: dict[str, tuple[Any, ...]] = {
     "samples": (25, 50, 100, 200, 400, 800, 1600, 3200, 6400, None),  # None: full sampling
     "particles": (5, 10, 25, 50, 100, 200, 400, 800),
-    "neighbors": (1, 2, 3, 5, 7, 10, 15, 20),
-    "training": (25, 50, 100, 200, 400, 800),
 }
 _TIMED_FULL = 40  # frames are enough to time full sampling
 _SLOW = {"samples": 1600, "particles": 400}  # beyond these a third of the runs will do
@@ -72,11 +70,10 @@ class Bench:
     """A map and a test flight, its images decoded once."""
 
     def __init__(self, train: Flight, test: Flight, parameters: MapParameters, repeats: int):
-        self.map, self.test = map_of(train, parameters), test
+        self.map, self.test, self.trained_on = map_of(train, parameters), test, len(train)
         self.quoted = flown(train, test, parameters, texton_map=self.map)  # of the defaults
         self.repeats, self.seed = repeats, parameters.seed
-        named = {name: getattr(parameters, name) for name in _CHOSEN}
-        self.defaults: dict[str, Any] = named | {"training": len(train)}
+        self.defaults: dict[str, Any] = {name: getattr(parameters, name) for name in _CHOSEN}
         self.frames = frames_of(test)
         warm = Localizer(self.map, rng=stream(self.seed, "warm-up"))
         warm.step(self.frames[0])  # the first call loads what later ones need
@@ -91,30 +88,18 @@ class Bench:
 
     @cached_property
     def wide(self) -> TextonMap:
-        """The map with a measurement model for as many neighbours as are swept."""
-        limit = max(self.map.neighbors, self.defaults["training"] // 4)
-        most = max(k for k in (*SWEPT["neighbors"], self.map.neighbors) if k <= limit)
+        """The map with a measurement model for as many neighbours as are tried."""
+        limit = max(self.map.neighbors, self.trained_on // 4)
+        most = max(k for k in (*GRID["neighbors"], self.map.neighbors) if k <= limit)
         return with_choices(self.map, {"measurement.neighbors": most})
-
-    def thinned(self, count: int) -> TextonMap:
-        """The map of `count` of its training frames, evenly spread; its measurement model is
-        learned from those, its motion model stays: the vehicle moves no faster for them.
-        """
-        rows = np.linspace(0, self.defaults["training"] - 1, count).round().astype(int)
-        measurement = {"measurement": self.map.parts["measurement"]}
-        return with_parts(self.map.select(rows), measurement)
 
     def sweep(self, name: str) -> Sweep:
         """Vary `name`, the others at their defaults."""
-        limits = {"neighbors": self.wide.neighbors, "training": self.defaults["training"]}
-        values = {*SWEPT[name], self.defaults[name]}
-        values = {each for each in values if each is None or each <= limits.get(name, np.inf)}
-        # The paper's two figures get all runs.
-        repeats = self.repeats if name in ("samples", "particles") else max(3, self.repeats // 2)
+        values = sorted({*SWEPT[name], self.defaults[name]}, key=lambda value: value or np.inf)
         result = Sweep()
-        for value in progress(sorted(values, key=lambda value: value or np.inf), f"varying {name}"):
+        for value in progress(values, f"varying {name}"):
             setting = self.defaults | {name: value}
-            runs = self._runs(setting, repeats)
+            runs = self._runs(setting)
             judged = result.runs[value] = self.quoted if setting == self.defaults else runs
             errors = errors_of(judged, self.test, self.seed)
             full = setting["samples"] is None
@@ -131,15 +116,13 @@ class Bench:
         rng = stream(self.seed, "intervals")
         return summarize(estimates, self.test.position, self.test.diagonal, rng=rng, draws=400)
 
-    def _runs(self, setting: dict[str, Any], repeats: int) -> list[Track]:
+    def _runs(self, setting: dict[str, Any]) -> list[Track]:
+        repeats = self.repeats
         if any((setting[key] or 0) > most for key, most in _SLOW.items()):
             repeats = max(3, repeats // 3)
-        whole = setting["training"] == self.defaults["training"]
-        texton_map = self.wide if whole else self.thinned(setting["training"])
         frames = self.full if setting["samples"] is None else self.frames
-        options = {key: setting[key] for key in _CHOSEN}
         with working_on():  # timed: nothing runs beside
-            return tracks(texton_map, frames, repeats=repeats, seed=self.seed, **options)
+            return tracks(self.wide, frames, repeats=repeats, seed=self.seed, **setting)
 
     def _full_times(self) -> list[np.ndarray]:
         options = {key: self.defaults[key] for key in ("particles", "neighbors")}
@@ -182,9 +165,8 @@ def search_settings(bench: Bench) -> tuple[list[dict[str, Any]], dict[str, Any]]
     ]
     tried = spread(partial(_tried, bench.wide, flights, bench.seed), settings, "settings")
     summaries = [bench.summary(estimates) for estimates, _ in tried]
-    usual = {name: bench.defaults[name] for name in _CHOSEN}
-    if usual in settings:
-        summaries[settings.index(usual)] = errors_of(bench.quoted, bench.test, bench.seed)
+    if bench.defaults in settings:
+        summaries[settings.index(bench.defaults)] = errors_of(bench.quoted, bench.test, bench.seed)
     grid = [
         setting | {"axis_mean_cm": summary["axis_mean_cm"]}
         for setting, summary in zip(settings, summaries, strict=True)
@@ -245,14 +227,9 @@ def multiplied(
     return copies, rows
 
 
-def time_stored(bench: Bench, most: int) -> tuple[list[Any], list[Any]]:
-    """Time the search and the whole step on 100, 300, 1000 ... histograms, up to `most`.
-
-    Returns
-    -------
-    rows, clocks : list of dict
-        In one order: the number stored and the share of searches in which brute force and tree
-        found the same neighbours in the same order; the times of both.
+def time_stored(bench: Bench, most: int) -> list[dict[str, Any]]:
+    """Time the search and the whole step on 100, 300, 1000 ... histograms, up to `most`, one by one
+    and by a tree.
     """
     crowd, origin = multiplied(bench.map.histograms, most, rng=stream(bench.seed, "stored"))
     places, rng = bench.map.positions[origin], stream(bench.seed, "queries")
@@ -264,20 +241,16 @@ def time_stored(bench: Bench, most: int) -> tuple[list[Any], list[Any]]:
 
     looking = localizer()
     asked = [looking.observe(frame) for frame in frames]
-    rows, clocks = [], []
+    clocks = []
     for count in progress(_numbers(most), "stored histograms"):
         clock: dict[str, Any] = {"stored": count}
-        found = []
         for method, search in (("brute", NearestHistograms), ("tree", TreeSearch)):
             store = search(crowd[:count], places[:count], k=bench.map.neighbors)
             step_ms = milliseconds([fly(localizer(nearest=store), frames).step_s], 4)
-            query_s, neighbors = zip(*(_timed(store, one) for one in asked), strict=True)
-            found.append(np.array(neighbors))
-            query_ms = milliseconds([np.array(query_s)], 4)
+            query_ms = milliseconds([np.array([_timed(store, one) for one in asked])], 4)
             clock[method] = {"query_ms": query_ms, "frequency_hz": frequency(step_ms)}
-        rows.append({"stored": count, "same": np.mean((found[0] == found[1]).all(axis=1))})
         clocks.append(clock)
-    return rows, clocks
+    return clocks
 
 
 def _numbers(most: int) -> list[int]:
@@ -285,7 +258,7 @@ def _numbers(most: int) -> list[int]:
     return [*(n for power in range(2, 9) for n in (10**power, 3 * 10**power) if n < most), most]
 
 
-def _timed(store: NearestHistograms, histogram: np.ndarray) -> tuple[float, np.ndarray]:
+def _timed(store: NearestHistograms, histogram: np.ndarray) -> float:
     start = perf_counter()
-    index = store.query(histogram).index
-    return perf_counter() - start, index
+    store.query(histogram)
+    return perf_counter() - start

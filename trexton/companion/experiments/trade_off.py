@@ -63,7 +63,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     sweeps = {name: bench.sweep(name) for name in SWEPT if name != "samples" or test.has_images}
     values, timings = _headlines(sweeps, bench)
     grid, tuned = search_settings(bench)
-    rows, clocks = time_stored(bench, parameters.stored)
+    clocks = time_stored(bench, parameters.stored)
     return parameters.record(
         train,
         test,
@@ -71,13 +71,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         | tuned
         | {
             "default": errors_of(bench.quoted, test, parameters.seed),
-            "tree_agrees": np.mean([row["same"] for row in rows]),
             "camera_hz": 1 / np.median(np.diff(test.time)),
             "applies": {"samples": test.has_images},
             "counts": {"train": len(train), "test": len(test)},
         },
-        series={name: sweep.rows for name, sweep in sweeps.items()}
-        | {"stored": rows, "grid": grid},
+        series={name: sweep.rows for name, sweep in sweeps.items()} | {"grid": grid},
         timings=timings
         | {
             "knn_tree_ms": clocks[-1]["tree"]["query_ms"],
@@ -167,62 +165,35 @@ def finding(record: Record) -> str:
     return text
 
 
-_AXIS = {
-    "samples": "samples an image",
-    "particles": "particles",
-    "neighbors": "neighbours k",
-    "training": "histograms in the training set",
-}
+_AXIS = {"samples": "samples an image", "particles": "particles"}
 
 
-def error_and_rate(record: Record, name: str) -> Figure:
-    """Error and rate against a parameter: ``samples`` (only of flights that have images),
-    ``particles``, ``neighbors`` or ``training``.
-    """
-    rows, clocks = record.series[name], record.timings[name]
-    x = [row["patches"] if name == "samples" else row[name] for row in rows]
-    with canvas(2, 1, size=(6.4, 5.4), sharex=True, height_ratios=(3, 2)) as (figure, axes):
-        error, rate = axes[:, 0]
-        for axis, stroke in (("x", "-"), ("y", ":")):
-            spans = _spans(rows, f"error_cm_{axis}")
-            line: dict[str, Any] = {"linestyle": stroke, "label": f"error in {axis}"}
-            band(error, x, *spans, color=COLORS["paper"], marker="o", markersize=4.5, **line)
-        spans = _spans(clocks, "frequency_hz")
-        band(rate, x, *spans, color=COLORS["neighbors"], marker="o", markersize=4.5)
-        error.set(ylabel="mean error (cm)", ylim=(0, None), xscale="log")
-        error.legend()
-        rate.set(ylabel="rate (Hz)", yscale="log", xlabel=_AXIS[name])
-        rate.axhline(record.values["camera_hz"], **_camera(record))
-        rate.legend()
-        plain_log_ticks(rate.yaxis)
-        if (default := record.parameters.get(name)) is not None:
-            for axis in (error, rate):
-                axis.axvline(default, color=COLORS["truth"], linestyle=":", linewidth=1)
-        _ticks(rate, x, [row[name] for row in rows])
-    return figure
-
-
-def error_by_frequency(record: Record) -> Figure:
-    """Error in x against the rate, along the samples and along the particles."""
-    lines = (("samples", SERIES[0], "o"), ("particles", COLORS["particles"], "s"))
-    with canvas(size=(6.4, 4.2)) as (figure, axes):
-        plot = axes[0, 0]
-        for name, color, marker in lines:
-            if not (rows := record.series.get(name)):
-                continue
-            rate = _spans(record.timings[name], "frequency_hz")
-            error = _spans(rows, "error_cm_x")
-            ends = [_name(rows[i][name]) for i in (0, -1)]
-            plot.errorbar(
-                rate[1], error[1], xerr=_whiskers(rate), yerr=_whiskers(error), color=color,
-                marker=marker, markersize=5, elinewidth=0.8,
-                label=f"{_AXIS[name]}: {' to '.join(ends)}",
-            )  # fmt: skip
-        plot.axvline(record.values["camera_hz"], **_camera(record))
-        plot.set(xlabel="rate (Hz)", ylabel="error in x (cm)", xscale="log", ylim=(0, None))
-        plot.margins(x=0.08)
-        plain_log_ticks(plot.xaxis)
-        legend_below(plot, 0.18)
+def error_and_rate(record: Record) -> Figure:
+    """Error and rate against the particles and, of flights that have images, the samples."""
+    names = [name for name in _AXIS if name in record.series]
+    shape = {"sharex": "col", "sharey": "row", "height_ratios": (3, 2)}
+    with canvas(2, len(names), size=(1.2 + 3 * len(names), 5.4), **shape) as (figure, axes):
+        for (error, rate), name in zip(axes.T, names, strict=True):
+            rows, clocks = record.series[name], record.timings[name]
+            x = [row["patches"] if name == "samples" else row[name] for row in rows]
+            for axis, stroke in (("x", "-"), ("y", ":")):
+                spans = _spans(rows, f"error_cm_{axis}")
+                line: dict[str, Any] = {"linestyle": stroke, "label": f"error in {axis}"}
+                band(error, x, *spans, color=COLORS["paper"], marker="o", markersize=4.5, **line)
+            spans = _spans(clocks, "frequency_hz")
+            band(rate, x, *spans, color=COLORS["neighbors"], marker="o", markersize=4.5)
+            error.set(ylim=(0, None), xscale="log")
+            rate.set(yscale="log", xlabel=_AXIS[name])
+            rate.axhline(record.values["camera_hz"], **_camera(record))
+            plain_log_ticks(rate.yaxis)
+            for each in (error, rate):
+                default = record.parameters[name]
+                each.axvline(default, color=COLORS["truth"], linestyle=":", linewidth=1)
+            _ticks(rate, x, [row[name] for row in rows])
+        axes[0, 0].set_ylabel("mean error (cm)")
+        axes[1, 0].set_ylabel("rate (Hz)")
+        for each in axes[:, -1]:
+            each.legend()
     return figure
 
 
@@ -260,11 +231,6 @@ def _spans(rows: list[dict[str, Any]], key: str) -> np.ndarray:
     ends = ([entry[end] for entry in entries] for end in ("low", "high"))
     low, high = ends
     return np.array([low, middles, high], dtype=float)
-
-
-def _whiskers(spans: np.ndarray) -> np.ndarray:
-    """``(2, N)`` lengths below and above, as `Axes.errorbar` takes them."""
-    return np.asarray(np.maximum(0, np.diff(spans, axis=0)))
 
 
 def _name(value: int | None) -> str:
