@@ -41,10 +41,7 @@ SLOW = {
         "DISK/results", "--set seed=3",
     ),
     "report": ("report plain --no-book --out", "DISK/report", "--methods paper"),
-    "sweep": (
-        "sweep plain --experiment mocap_training --set particles=10 repeats=2 neighbors=2 --out",
-        "DISK/sweep", "--set seed=3",
-    ),
+    "sweep": ("sweep plan.toml --out", "DISK/sweep", ""),
     "suitability": ("suitability room/floor.png --width 4 --out", "DISK/suitability", "--seed 3"),
 }  # fmt: skip
 
@@ -94,6 +91,9 @@ def inputs(tmp_path_factory):
     write_flight(replace(plain, split={"train": (0, 39), "test": (40, 59)}), folder / "plain")
     rows = "".join(f"{i},{i},{i % 3},pictures/{i:04d}.png\n" for i in range(4))
     (folder / "table.csv").write_text("t,x,y,image\n" + rows)
+    plan = "[set]\nparticles = 10\nrepeats = 2\nneighbors = 2\n"
+    plan = f'experiment = "mocap_training"\nflights = ["plain"]\n{plan}'
+    (folder / "plan.toml").write_text(plan)
     before = os.getcwd()
     os.chdir(folder)
     for flight, name in (("room", "map.npz"), ("plain", "plain.npz")):

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import itertools
 import json
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from difflib import get_close_matches
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file, canonical_json, digest
-from trexton.base.options import Options
+from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.base.records import Record
 from trexton.companion.build import engine
@@ -31,38 +31,22 @@ from trexton.companion.build.notebooks import inputs_of
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.workers import Call, workers
 from trexton.companion.experiments.declaration import Experiment, SeedParameters
-from trexton.companion.experiments.printed import look_up
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import made_by
 from trexton.simulator.layouts import LAYOUTS
 
-__all__ = ["Floors", "SweepPlan", "Swept", "sweep"]
+__all__ = ["Floors", "SweepPlan", "Swept", "read_plan", "sweep"]
 
 Rows = list[dict[str, Any]]
 
 
 @dataclass(frozen=True)
-class Floors:
-    """Floors to fly over: `count` of each layout, painted from the seeds 0, 1, ...
+class Floors(Options):
+    """Floors to fly over, painted from the seeds 0, 1, ..."""
 
-    `every` keeps every so-manieth frame of a survey (training) and of a flight by waypoints (test).
-    """
-
-    count: int
-    layouts: tuple[str, ...] = ("hall",)
-    every: int = 1
-    frames: int | None = None
-
-    def __post_init__(self) -> None:
-        counts = (self.count, self.every, len(self.layouts), self.frames)
-        if any(each is not None and each < 1 for each in counts):
-            raise ParameterError(
-                f"{self.count} floors of layouts {list(self.layouts)}, every {self.every}, "
-                f"{self.frames} frames: expected 1 or more of each"
-            )
-        if unknown := [name for name in self.layouts if name not in LAYOUTS]:
-            known = ", ".join(LAYOUTS)
-            raise ParameterError(f"layout {unknown[0]!r} is unknown: choose one of {known}")
+    floors: int = option(0, "of each layout", low=0)
+    every: int = option(1, "keep every N-th simulated frame", low=1)
+    frames: int | None = option(None, "of a simulated flight", low=1)
 
 
 @dataclass(frozen=True)
@@ -76,30 +60,69 @@ class SweepPlan:
         The values of each parameter, or their texts; all combinations are run.
     pairs : sequence of FlightPair
         Recorded flights.
-    floors : Floors, optional
+    floors, layouts : Floors, sequence of str
         Flights to simulate, besides.
-    values : sequence of str
-        Paths into the record's values for the table; empty: all single numbers.
     """
 
     experiment: str
     settings: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     pairs: Sequence[FlightPair] = ()
-    floors: Floors | None = None
-    values: Sequence[str] = ()
+    floors: Floors = Floors()
+    layouts: Sequence[str] = ("hall",)
+
+    def simulated(self) -> dict[str, dict[str, Any]]:
+        """Names, and the options of `simulate` in their order."""
+        given = {"every": self.floors.every, "frames": self.floors.frames}
+        return {
+            f"{layout}-{seed}": {"layout": layout, "seed": seed, **given}
+            for layout, seed in itertools.product(self.layouts, range(self.floors.floors))
+        }
 
 
 @dataclass(frozen=True)
 class Swept:
-    """The finished tables, one row for a cell that succeeded, and why others did not.
-
-    Columns of times, which no two sweeps share, are kept apart.
-    """
+    """The finished table, one row for a cell that succeeded, and why others did not."""
 
     rows: Rows
-    times: Rows
     failed: dict[str, str]
     counts: dict[str, int]
+
+
+@dataclass(frozen=True)
+class _PlanFile(Floors):
+    """The words and numbers of a plan."""
+
+    experiment: str = option("", "what is run in every cell")
+    test_flight: str | None = option(None, "test on this flight instead of the split")
+
+
+def read_plan(path: Path) -> SweepPlan:
+    """The plan in a TOML file: ``experiment``, ``flights``, ``test_flight``, ``floors``,
+    ``layouts``, ``every``, ``frames`` and the table ``set``.
+
+    Raises
+    ------
+    ParameterError
+        It cannot be read, or something in it has another type.
+    """
+    try:
+        said = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError) as error:
+        raise ParameterError(f"{path}: no readable plan ({error})") from None
+    settings, lists = said.pop("set", {}), {k: said.pop(k, []) for k in ("flights", "layouts")}
+    for name, value in lists.items():
+        if not (isinstance(value, list) and all(isinstance(one, str) for one in value)):
+            raise ParameterError(f"{path}: {name} is {value!r}: expected a list of texts")
+    if not isinstance(settings, dict):
+        raise ParameterError(f"{path}: set is {settings!r}: expected a table")
+    words = _PlanFile.parse(said, "a plan")
+    return SweepPlan(
+        experiment=words.experiment,
+        settings={k: v if isinstance(v, list) else [v] for k, v in settings.items()},
+        pairs=[FlightPair(flight, words.test_flight) for flight in lists["flights"]],
+        floors=Floors(words.floors, words.every, words.frames),
+        layouts=lists["layouts"] or ["hall"],
+    )
 
 
 def sweep(
@@ -110,22 +133,26 @@ def sweep(
     cluster: str | None = None,
     experiments: Mapping[str, Experiment] = EXPERIMENTS,
 ) -> Swept:
-    """Run what is not there yet; write ``sweep.json``, ``sweep.csv`` and ``times.csv`` into `out`.
+    """Run what is not there yet; write ``sweep.json`` and ``sweep.csv`` into `out`.
+
+    Times, which no two sweeps share, stand in the records of the cells, ``out/cells``.
 
     Raises
     ------
     ParameterError
-        The experiment or a parameter does not exist or fit; nothing has been touched then. Or no
-        record has one of the values: cells are kept then, and the table is not touched.
+        The experiment, a layout or a parameter does not exist or fit; nothing has been touched.
     """
     if plan.experiment not in experiments or experiments[plan.experiment].every_flight:
         names = ", ".join(name for name, one in experiments.items() if not one.every_flight)
         raise ParameterError(f"no experiment {plan.experiment!r} to sweep: there are {names}")
-    if not plan.pairs and plan.floors is None:
-        raise ParameterError("a sweep needs flights or floors: name some, or give --floors N")
+    if unknown := [name for name in plan.layouts if name not in LAYOUTS]:
+        known = ", ".join(LAYOUTS)
+        raise ParameterError(f"layout {unknown[0]!r} is unknown: choose one of {known}")
+    if not plan.pairs and not plan.simulated():
+        raise ParameterError("a sweep needs flights or floors: name some in the plan")
     experiment = experiments[plan.experiment]
     chosen = _possible(_grid(plan, experiment))
-    check_names([pair.name for pair in plan.pairs] + [name for name, _ in _floors(plan.floors)])
+    check_names([*(pair.name for pair in plan.pairs), *plan.simulated()])
     check_out(out, plan.pairs)
     for pair in plan.pairs:
         if obstacle := pair.obstacle(experiment):
@@ -136,14 +163,12 @@ def sweep(
         with Display(len(steps), "cells") as display:
             outcomes = engine.build(steps, out / ".engine", crew.jobs, crew.stop, display)
     failed = {name: one.reasons[0] for name, one in outcomes.items() if not one.good}
-    results = {cell: _results(cell) for cell in cells if cell.step.name not in failed}
-    _check_values(plan.values, list(results.values()))
-    rows, times = ([_row(plan, *one, timed) for one in results.items()] for timed in (False, True))
+    rows = [_row(plan, cell) for cell in cells if cell.step.name not in failed]
     if rows:  # a table is not replaced by nothing
-        _write(plan, made_by(experiment.module), out, rows, times)
+        _write(plan, made_by(experiment.module), out, rows)
     statuses = [outcomes[cell.step.name].status for cell in cells]
     counts = {status: statuses.count(status) for status in ("ran", "reused")}
-    return Swept(rows, times, failed, counts | {"failed": len(cells) - len(results)})
+    return Swept(rows, failed, counts | {"failed": len(cells) - len(rows)})
 
 
 def _grid(plan: SweepPlan, experiment: Experiment) -> list[Options]:
@@ -174,8 +199,7 @@ def _possible(chosen: list[Options]) -> list[Options]:
     return left
 
 
-@dataclass(frozen=True, eq=False)
-class _Cell:
+class _Cell(NamedTuple):
     flight: str
     parameters: Options
     path: Path
@@ -188,7 +212,7 @@ def _steps(
     """Flights to be flown, and cells."""
     flying: list[Step] = []
     flights = [(pair.name, pair, pair.hashes, list[Fact]()) for pair in plan.pairs]
-    for name, options in _floors(plan.floors):
+    for name, options in plan.simulated().items():
         paths = [out / "flights" / f"{name}-{pattern}" for pattern in flown.PATTERNS]
         both = [
             flown.flight_step(
@@ -217,14 +241,6 @@ def _steps(
     return flying, cells
 
 
-def _floors(floors: Floors | None) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Names, and the options of `simulate` in their order."""
-    if floors is not None:
-        given = {"every": floors.every, "frames": floors.frames}
-        for layout, seed in itertools.product(floors.layouts, range(floors.count)):
-            yield f"{layout}-{seed}", {"layout": layout, "seed": seed, **given}
-
-
 def _present(path: Path) -> list[Path]:
     return [path] if path.is_file() else []
 
@@ -247,30 +263,13 @@ def _measure(module: str, flight: str, test_flight: str | None, parameters: dict
     return canonical_json({name: getattr(result, name) for name in kept})
 
 
-def _results(cell: _Cell) -> dict[str, Any]:
-    """What a cell measured: its values, and its timings as an entry of them."""
-    record = json.loads(cell.path.read_text(encoding="utf-8"))
-    return {**record["values"], "timings": record["timings"]}
-
-
-def _check_values(paths: Sequence[str], trees: Sequence[Mapping[str, Any]]) -> None:
-    """Refuse a path that leads nowhere in any record: its column would be empty, as if measured."""
-    recorded = sorted({name for tree in trees for name, _ in _numbers("", tree)})
-    for path in paths:
-        if trees and all(look_up(tree, path) is None for tree in trees) and path not in recorded:
-            near = get_close_matches(path, recorded, n=3, cutoff=0) or ["nothing"]
-            raise ParameterError(
-                f"no record has a value {path!r}: it has {', '.join(near)} and the like, "
-                "every one without --values"
-            )
-
-
-def _row(plan: SweepPlan, cell: _Cell, results: Mapping[str, Any], timed: bool) -> dict[str, Any]:
-    """What was flown, with its results, or with the times they took."""
+def _row(plan: SweepPlan, cell: _Cell) -> dict[str, Any]:
+    """What was flown, with all single numbers and words of its results; a setting's name is its
+    own.
+    """
     parameters = {name: cell.parameters.as_dict()[name] for name in plan.settings}
-    values = {path: look_up(results, path) for path in plan.values} or dict(_numbers("", results))
-    chosen = {path: each for path, each in values.items() if path.startswith("timings.") == timed}
-    return {"flight": cell.flight, **parameters, **chosen}
+    values = json.loads(cell.path.read_text(encoding="utf-8"))["values"]
+    return {"flight": cell.flight, **parameters, **dict(_numbers("", values)), **parameters}
 
 
 def _numbers(prefix: str, tree: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -282,19 +281,18 @@ def _numbers(prefix: str, tree: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{key}", value
 
 
-def _write(plan: SweepPlan, made: dict[str, Any], out: Path, rows: Rows, times: Rows) -> None:
+def _write(plan: SweepPlan, made: dict[str, Any], out: Path, rows: Rows) -> None:
     import pandas as pd
 
     content = {
         "experiment": plan.experiment,
         "settings": {name: list(values) for name, values in plan.settings.items()},
-        "floors": plan.floors and asdict(plan.floors),
+        "floors": {**plan.floors.as_dict(), "layouts": list(plan.layouts)},
         "flights": {pair.name: pair.hashes for pair in plan.pairs},
         "rows": rows,
         **made,
     }
     with atomic_file(out / "sweep.json") as stream:
         stream.write(canonical_json(content))
-    for name, table in (("sweep.csv", rows), ("times.csv", times)):
-        with atomic_file(out / name) as stream:
-            pd.DataFrame(table).to_csv(stream, index=False)
+    with atomic_file(out / "sweep.csv") as stream:
+        pd.DataFrame(rows).to_csv(stream, index=False)
