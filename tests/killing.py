@@ -51,7 +51,7 @@ CASES = {
         (("--seed", "1"), ("--seed", "2")),
     ),
     "train": Case(
-        ("train", "room", "-o", "map.npz", "--textons", "3", "--neighbors", "2"),
+        ("train", "room", "-o", "map.npz", "--textons", "3", "--set", "measurement.neighbors=2"),
         (("--seed", "1"), ("--seed", "2")),
         "map.npz",
     ),

@@ -19,7 +19,7 @@ from trexton.onboard import voice
 
 READ_ONLY, REMOUNT = 1, 32  # of mount(2)
 
-TRAIN = "train room --textons 3 --neighbors 2 -o"
+TRAIN = "train room --textons 3 --set measurement.neighbors=2 -o"
 # name: what makes the old result and what would replace it, each without and with other settings
 COMMANDS = {
     "simulate": ("simulate --frames 3 --floor room/floor.png --out", "DISK/flight", "--seed 3"),

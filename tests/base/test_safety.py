@@ -93,7 +93,7 @@ def test_commands_replace_a_persons_folder_only_when_told_to(words, tmp_path, ca
     [
         ["simulate", "--frames", "4"],
         ["data", "fetch", "cyberzoo"],
-        ["train", "FLIGHT", "--neighbors", "2"],
+        ["train", "FLIGHT", "--set", "measurement.neighbors=2"],
         ["export", "FLIGHT", "csv"],
         ["import", "csv", "FLIGHT/t.csv"],
     ],

@@ -64,7 +64,11 @@ class TestTrain:
 
     def test_the_papers_by_name_or_by_what_only_it_reads(self, tmp_path):
         write_flight(histogram_flight("hall", frames=160, turns=6.0), tmp_path / "hall")
-        for words in (["--method", "paper"], ["--neighbors", "3"], ["--set", "motion=random-walk"]):
+        for words in (
+            ["--method", "paper"],
+            ["--set", "measurement.neighbors=3"],
+            ["--set", "motion=random-walk"],
+        ):
             assert self.trained(tmp_path / "hall", tmp_path, *words).method == "paper"
 
     def test_images_and_a_camera_are_trained_for_what_errs_less(self, tmp_path, capsys):

@@ -35,7 +35,7 @@ FAR = np.where(np.arange(600)[:, None] % 100 == 7, 1000.0, 0.0)
         (lambda f: {"position": f.position + (0, 2)}, "positions lie outside area_m"),
         # A thousandth of anything lies in an area that holds the origin.
         (lambda f: {"position": f.position - (8, -2), "area": (0, 6, 0, 2)}, "or widen area_m"),
-        (lambda f: {"position": np.full((600, 2), 10.0)}, "600 positions are the same place"),
+        (lambda f: {"position": np.full((600, 2), 10.0)}, "600 positions span 0 m x 0 m"),
         (lambda f: {"position": f.position / 1000, "area": (0, 1, 0, 1)}, "another unit than "
                                                                           "metres"),
         (lambda f: {"position": f.position + FAR, "area": (0, 2e3, 0, 2e3)}, "6 positions lie "
@@ -50,7 +50,6 @@ FAR = np.where(np.arange(600)[:, None] % 100 == 7, 1000.0, 0.0)
         (lambda f: {"height": np.full(600, 120.0)}, "heights in centimetres? write metres"),
         (lambda f: {"height": np.zeros(600)}, "all 600 heights are 0: write metres above"),
         (lambda f: {"attitude": np.tile([1.0, 2.0, 85.0], (600, 1))}, "degrees? write radians"),
-        (lambda f: {"histograms": np.full((600, 4), 0.25)}, "all histograms are the same"),
     ],
 )  # fmt: skip
 def test_what_looks_wrong_is_one_warning_with_what_to_do(change, words, tmp_path):
@@ -58,23 +57,6 @@ def test_what_looks_wrong_is_one_warning_with_what_to_do(change, words, tmp_path
     assert check_flight(write_flight(flight, tmp_path / "sound")).warnings == []
     report = check_flight(write_flight(replace(flight, **change(flight)), tmp_path / "odd"))
     assert report.usable and len([line for line in report.warnings if words in line]) == 1
-
-
-@pytest.mark.parametrize(
-    ("scale", "shift", "words"),
-    [
-        (0.1, 0, None),
-        (0.1, 100, "600 positions of 600 lie beside the picture of the floor"),
-        (1e-4, 0, "600 positions of 600 lie beside the picture of the floor"),
-        (100.0, 0, "in another unit? write metres"),
-    ],
-)
-def test_a_floor_that_lies_elsewhere_is_doubted(scale, shift, words, tmp_path):
-    cv2.imwrite(str(tmp_path / "floor.png"), np.zeros((50, 50, 3), np.uint8))
-    place = np.array([[scale, 0, 9 + shift], [0, -scale, 49.5 * scale], [0, 0, 1]])
-    flight = replace(walk(), floor_file=tmp_path / "floor.png", floor_from_pixel=place)
-    warnings = check_flight(write_flight(flight, tmp_path / "flight")).warnings
-    assert len(warnings) == (words is not None) and (words or "") in "".join(warnings)
 
 
 @pytest.mark.parametrize(
@@ -143,10 +125,10 @@ def test_equal_faults_are_one_line_with_a_count(tmp_path):
     (folder / "frames.csv").write_text("\n".join([lines[0] + ",image", *images]))
     report = check_flight(folder)
     text = str(report)
-    assert len(report.faults) == 600 and text.count("fault    ") == 1
+    assert len(report.faults) == text.count("fault    ") == 1
     assert "row 2: image '0000.jpg' is not in" in text
     assert "(and 599 more like it, the last in row 601)" in text
-    assert "cannot be used (600 faults" in text
+    assert "cannot be used (1 fault" in text
 
 
 def as_written(folder, change):
@@ -192,7 +174,7 @@ def test_one_picture_for_every_frame_is_noticed(image_folder):
         text = text.replace(f"{number:04d}.jpg", "0000.jpg")
     table.write_text(text)
     assert any(
-        "6 frames name the same image" in line for line in check_flight(image_folder).warnings
+        "5 pictures like the one before" in line for line in check_flight(image_folder).warnings
     )
 
 
@@ -201,7 +183,7 @@ def test_copies_of_one_picture_are_noticed(image_folder):
     for number in range(1, 6):
         shutil.copyfile(pictures / "0000.jpg", pictures / f"{number:04d}.jpg")
     warnings = check_flight(image_folder).warnings
-    assert any("6 image files hold only 1 different pictures" in line for line in warnings)
+    assert any("5 pictures like the one before" in line for line in warnings)
 
 
 def test_a_camera_that_was_frozen_for_a_while_is_noticed(image_folder):

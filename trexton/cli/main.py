@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
@@ -97,7 +97,9 @@ def main(argv: list[str] | None = None) -> int:
         arguments = build_parser(chosen, argv).parse_args(argv)
         set_quiet(arguments.quiet)
         verb = resolve("commands", arguments.command, COMMANDS)
-        with _interrupted_by_sigterm(), contextlib.redirect_stdout(Shown(sys.stdout)):
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, _interrupt)
+        with contextlib.redirect_stdout(Shown(sys.stdout)):
             return verb.run(arguments) or 0
     except KeyboardInterrupt as stop:
         print(f"trexton {chosen}: interrupted", file=sys.stderr)
@@ -127,24 +129,10 @@ def _open_standard_streams() -> None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")
 
 
-@contextlib.contextmanager
-def _interrupted_by_sigterm() -> Iterator[None]:
-    """Within the block SIGTERM ends a verb as Ctrl+C does, so that it cleans up; a second one ends
-    it at once.
-    """
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        signal.signal(number, signal.SIG_DFL)
-        raise KeyboardInterrupt(number)
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """End a verb as Ctrl+C does, so that it cleans up; a second signal ends it at once."""
+    signal.signal(number, signal.SIG_DFL)
+    raise KeyboardInterrupt(number)
 
 
 def sentence(error: Exception) -> str | None:

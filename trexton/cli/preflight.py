@@ -24,8 +24,6 @@ from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, MapPlacemen
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sinks.base import Check
 from trexton.onboard.sources import Frame, Playback
-from trexton.registration import FloorTracker
-from trexton.registration.filter import Registration
 from trexton.vision.images import blur_effect
 from trexton.vision.time_offset import small, time_offset, turns
 
@@ -36,7 +34,6 @@ INSPECTED_FRAMES = 10  # frames that are looked at closely
 MAX_TURN_FRAMES = 500  # frames of which it is looked at how they turn
 MAX_BLUR = 0.65  # of `blur_effect`: sharp frames of the simulated hall stay below 0.6
 MAX_SATURATED = 0.2  # share of pixels that are black or white
-MIRROR_MARGIN = 0.05  # by which a floor's mirror image must fit better: some floors are symmetric
 NOVELTY = 0.99  # quantile of training distances: one place in a hundred alarms without cause
 
 
@@ -65,11 +62,6 @@ class _Watch:
 def preflight(settings: Settings, seconds: float = DURATION) -> list[Check]:
     """Run the settings for a while: positions go to autopilots alone, no landing is asked for.
 
-    Parameters
-    ----------
-    settings : Settings
-    seconds : float
-
     Raises
     ------
     TrextonError
@@ -97,11 +89,8 @@ def preflight(settings: Settings, seconds: float = DURATION) -> list[Check]:
     pictures = [frame.picture for frame in frames if frame.picture is not None]
     return [
         *_of_camera(settings.of(Flying).camera, onboard, pictures),
-        *_of_view(onboard.localizer, frames),
-        *_of_odometry(onboard.localizer, frames),
         *_of_contradictions(onboard),
         *_of_map(onboard.localizer, frames),
-        *_of_floor(onboard.localizer, frames),
         *_of_delay(watched),
         *_of_links(settings, onboard, ended),
     ]
@@ -116,46 +105,16 @@ def _of_camera(address: str, onboard: Onboard, pictures: list[np.ndarray]) -> It
     words = words if pictures else f"{address} gives no frames: check cable, permissions, --camera"
     usable = bool(pictures) and 2 * observed > tally["frames"]
     yield Check("camera", usable, words + (f" (faults: {said})" if said else ""))
-    lumas = [picture[..., 0] for picture in pictures if picture.ndim == 3]
-    if not lumas:
+    if not sizes:
         return
+    lumas = [picture[..., 0] for picture in pictures]
     blur = float(np.median([blur_effect(luma) for luma in lumas]))
     advice = "" if blur <= MAX_BLUR else ": turn the lens, clean it, hold still"
     yield Check("focus", blur <= MAX_BLUR, f"blur {blur:.2f}, at most {MAX_BLUR}{advice}")
     off = float(np.mean([(luma <= BLACK_LEVEL) | (luma >= WHITE_LEVEL) for luma in lumas]))
-    level = f"median brightness {np.median(np.stack(lumas)):.0f} of 255, {off:.0%} black or white"
-    advice = (
-        "" if off <= MAX_SATURATED else f", at most {MAX_SATURATED:.0%}: mend light or exposure"
-    )
-    yield Check("exposure", off <= MAX_SATURATED, level + advice)
-
-
-def _of_view(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
-    """Whether what the map's view asks for comes beside the frames."""
-    if "view" not in localizer.parts or not frames:
-        return
-    asks = localizer.parts["view"].asks
-    came = {
-        name: sum(getattr(each.aiding, name, None) is not None for each in frames) for name in asks
-    }
-    words = ", ".join(f"{name} with {many}" for name, many in came.items())
-    holds = 2 * min(came.values()) > len(frames)
-    advice = "" if holds else ": what is missing is taken as level, see --aiding"
-    yield Check("view", holds, f"of {len(frames)} frames, {words}{advice}")
-
-
-def _of_odometry(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
-    """Whether the frames show how they move, if the map's odometry asks them."""
-    odometry = localizer.parts.get("odometry")
-    fitting = _of_size(frames, localizer.map.image_shape)
-    if odometry is None or len(fitting) < 2:
-        return
-    running = odometry.open(localizer.map.period_s)
-    velocities = [running.aid(each.picture, None, each.time) for each in fitting]
-    moved = sum(each is not None for each in velocities)
-    holds = 2 * moved >= len(fitting)
-    advice = "" if holds else ": more texture, light or frames a second, or a map without odometry"
-    yield Check("odometry", holds, f"{moved} of {len(fitting)} frames show a velocity{advice}")
+    words = f"{off:.0%} of the pixels black or white, at most {MAX_SATURATED:.0%}"
+    advice = "" if off <= MAX_SATURATED else ": mend light or exposure"
+    yield Check("exposure", off <= MAX_SATURATED, words + advice)
 
 
 def _of_contradictions(onboard: Onboard) -> Iterator[Check]:
@@ -193,44 +152,6 @@ def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
     words = f"nearest histogram at {now:.3f}; of training frames {NOVELTY:.0%} within {usual:.3f}"
     advice = "" if now <= usual else ": another floor, light or height than the map was made at"
     yield Check("map", now <= usual, words + advice)
-
-
-def _of_floor(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
-    """Whether what is seen fits the picture of the floor, and better than its mirror image does."""
-    part = localizer.parts["filter"]
-    fitting = _of_size(frames, localizer.map.image_shape)
-    if not isinstance(part, Registration) or not fitting:
-        return
-    tracker = part.tracker()
-    fits, mirrored = (_best_fit(tracker, fitting, step) for step in (1, -1))
-    least = tracker.trust.least
-    words = f"frames correlate with it by {fits:.2f}, mirrored by {mirrored:.2f}"
-    flipped = mirrored > max(fits + MIRROR_MARGIN, least)
-    if flipped:
-        words += ": the camera or its driver mirrors the picture, switch that off"
-    elif fits < least:
-        words += f", expected {least:.2f}: another floor, or another height than the map's"
-    yield Check("floor", fits >= least and not flipped, words)
-
-
-def _of_size(frames: list[Frame], shape: tuple[int, int] | None) -> list[Frame]:
-    """The frames whose picture has this many rows and columns."""
-    return [each for each in frames if each.picture is not None and each.picture.shape[:2] == shape]
-
-
-def _best_fit(tracker: FloorTracker, frames: list[Frame], step: int) -> float:
-    """The best correlation of frames with the floor, every `step`-th column of them taken.
-
-    The attitude is left aside: turned upside down it would be another.
-    """
-    tracker.reset()
-    scores = []
-    for each in frames:
-        assert each.picture is not None
-        height = each.aiding.height if each.aiding is not None else None
-        picture = np.ascontiguousarray(each.picture[:, ::step])
-        scores.append(tracker.step(picture, height=height).score)
-    return max(scores)
 
 
 def _of_delay(watched: _Watch) -> Iterator[Check]:

@@ -27,112 +27,81 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def rows(path: str | Path) -> Iterator[dict[str, Any]]:
-    """The lines of a log, in order; raises `DataError` where none is one.
-
-    A computer that loses its power in the air, which is when a log is wanted most, leaves half a
-    line behind, or zeros: such a line becomes an event, and what follows it is read.
-    """
-    first: DataError | None = None  # what is wrong, until one is right
-    good = 0
-    try:
-        with open(path, encoding="utf-8-sig", errors="backslashreplace") as stream:
-            for number, line in enumerate(stream, 1):
-                row, fault = _parsed(line)
-                if fault is None:
-                    good += 1
-                    yield row
-                elif good:
-                    yield {"event": "damaged line", "number": number, "why": fault}
-                else:
-                    first = first or DataError(
-                        f"{path}: line {number} is none of a log ({fault}): give what --log wrote"
-                    )
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror}): give a log") from None
-    if first is not None and not good:
-        raise first
-
-
 def replayed(path: str | Path) -> Iterator[str]:
-    """A line for each thing that happened, jumps of the position among them, with the position that
-    was sent last before it; and one that counts fixes, those that were fit to be sent, faults and
-    each kind of event.
+    """A line for each event, silence and jump of the position, with the position sent last before
+    it; and one that counts fixes, those that were sent, faults and each kind of event.
 
-    Status lines are left out: they repeat what the rest tells. The log is read once: it may come
-    through a pipe.
+    Status lines are left out: they repeat what the rest tells.
 
     Raises
     ------
     DataError
-        It cannot be read, is no log, or is empty.
+        It begins as no log, or is empty.
     """
     sent, usable, resets = "nothing sent yet", True, 0
     counts: Counter[str] = Counter()
-    for row in rows(path):
-        counts.update(_counted(row))
-        if "event" not in row:
-            fit = _fit(row)
-            if fit:
-                x, y = row["measurement_m"]
-                sent = f"sent x {x:.2f} y {y:.2f} m"
-            if fit != usable:
-                word = "positions are sent again" if fit else f"silence: {_why(row)}"
-                yield f"{_time(row)}  {sent:28}  {word}"
-            if row.get("resets", 0) > resets:
-                resets = row["resets"]
-                yield f"{_time(row)}  {sent:28}  reset {resets}: the position jumped"
-            usable = fit
-        elif row["event"] != "status":
-            rest = {key: value for key, value in row.items() if key not in ("event", "time_s")}
-            words = ", ".join(f"{_short(key)} {_short(value)}" for key, value in rest.items())
-            yield f"{_time(row)}  {sent:28}  {_short(row['event'])}: {words}"
+    for row in _rows(path):
+        seconds = row.get("time_s")
+        begin = f"{'-':>10}" if seconds is None else f"{seconds:10.2f}"
+        if "event" in row:
+            kind = _short(row.pop("event"))
+            counts[f"event {kind}"] += 1
+            row.pop("time_s", None)
+            words = ", ".join(f"{_short(key)} {_short(value)}" for key, value in row.items())
+            if kind != "status":
+                yield f"{begin}  {sent:28}  {kind}: {words}"
+            continue
+        fit = _fit(row)
+        counts.update({"fixes": 1, "sent": int(fit)})
+        if row["fault"]:
+            counts[f"fault {_short(row['fault'])}"] += 1
+        if fit:
+            x, y = row["measurement_m"]
+            sent = f"sent x {x:.2f} y {y:.2f} m"
+        if fit != usable:
+            why = [word for word in ("lost", "stale") if row[word]] or [row["fault"] or "no image"]
+            word = "positions are sent again" if fit else f"silence: {_short(' and '.join(why))}"
+            yield f"{begin}  {sent:28}  {word}"
+        if row.get("resets", 0) > resets:
+            resets = row["resets"]
+            yield f"{begin}  {sent:28}  reset {resets}: the position jumped"
+        usable = fit
     if not counts:
         raise DataError(f"{path}: empty: give what --log wrote")
     yield ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
-def _counted(row: dict[str, Any]) -> dict[str, int]:
-    """What a row counts for: a fix, fit to be sent, its fault; or an event of a kind."""
-    if "event" in row:
-        return {f"event {_short(row['event'])}": 1}
-    fault = {f"fault {_short(row['fault'])}": 1} if row["fault"] else {}
-    return {"fixes": 1, "sent": int(_fit(row))} | fault
+def _rows(path: str | Path) -> Iterator[dict[str, Any]]:
+    """The lines of a log. A loss of power leaves half a line behind, or zeros: an event."""
+    good = False
+    with open(path, encoding="utf-8-sig", errors="backslashreplace") as stream:
+        for number, line in enumerate(stream, 1):
+            try:
+                row = _checked(json.loads(line))
+            except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
+                if not good:
+                    raise DataError(
+                        f"{path}: line {number} is none of a log ({error}): give what --log wrote"
+                    ) from None
+                row = {"event": "damaged line", "number": number, "why": error}
+            good = True
+            yield row
 
 
-def _parsed(line: str) -> tuple[Any, str | None]:
-    """The row of a line, and what keeps it from being one of a log."""
-    try:
-        row = json.loads(line)
-        time = row.get("time_s")
-        numbers = [0.0 if time is None else time, row.get("resets", 0)]
-        if "event" not in row:
-            if "told_m" in row:  # as logs of version 0.1.0 call it
-                row["measurement_m"] = row["told_m"]
-            x, y = row["measurement_m"] if _fit(row) else (0.0, 0.0)
-            numbers += [x, y, row["fault"] is None]
-        if not all(abs(number) < 1e12 for number in numbers):
-            raise ValueError("a number out of range")
-        return row, None
-    except (ValueError, RecursionError) as error:
-        return None, str(error)
-    except (AttributeError, KeyError, TypeError) as error:
-        return None, f"none of a position or an event: {error}"
+def _checked(row: dict[str, Any]) -> dict[str, Any]:
+    """The row itself; raises where it is no event and no position."""
+    numbers = [row.get("time_s") or 0.0, row.get("resets", 0)]
+    if "event" not in row:
+        x, y = row["measurement_m"] if _fit(row) else (0.0, 0.0)
+        numbers += [x, y, row["fault"] is None]
+    if not all(abs(number) < 1e12 for number in numbers):
+        raise ValueError("a number out of range")
+    return row
 
 
 def _fit(row: dict[str, Any]) -> bool:
     """Was it sent to whoever steers by it?"""
     return bool(row["observed"] and not row["lost"] and not row["stale"])
-
-
-def _time(row: dict[str, Any]) -> str:
-    time = row.get("time_s")
-    return "         -" if time is None else f"{time:10.2f}"
-
-
-def _why(row: dict[str, Any]) -> str:
-    words = [word for word in ("lost", "stale") if row[word]]
-    return " and ".join(words) or _short(row["fault"] or "no image")
 
 
 def _short(value: object) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from trexton.base.arguments import add_assignments, add_options, chosen_options
-from trexton.base.defaults import NEIGHBORS, PATCH, TEXTONS, USUAL_CELLS
+from trexton.base.defaults import PATCH, TEXTONS, USUAL_CELLS
 from trexton.base.errors import MapError, ParameterError
 from trexton.base.options import Options, option
 from trexton.base.progress import say
@@ -25,7 +25,6 @@ from trexton.localization.training import train_map
 __all__ = ["add_arguments", "run"]
 
 _USUAL = ", ".join(f"{cells} of method {method}" for method, cells in USUAL_CELLS.items())
-
 
 MOST_LOST = 0.5  # share of frames from which on a map is no use in the air
 
@@ -43,9 +42,6 @@ class TrainOptions(Options):
         None, "the set of parts to train; unless given, field or fine, by what left-out parts of "
         "the flight show; the paper's is paper"
     )  # fmt: skip
-    neighbors: int | None = option(
-        None, f"short for --set measurement.neighbors (default {NEIGHBORS})"
-    )
     update: str | None = option(
         None, "a map to renew by the flight: old frames that it contradicts are replaced"
     )
@@ -73,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     choices: dict[str, Any] = {**parse_choices(arguments.settings)}
     if options.update is not None:
         return _update(options.update, flight, options, choices, arguments.output)
-    methods = [options.method] if options.method else _candidates(flight, options, choices)
+    methods = [options.method] if options.method else _candidates(flight, choices)
     tried = []
     for method in methods:
         try:
@@ -112,14 +108,13 @@ def _update(
     return 0
 
 
-def _candidates(flight: Flight, options: TrainOptions, choices: dict[str, Any]) -> list[str]:
+def _candidates(flight: Flight, choices: dict[str, Any]) -> list[str]:
     """Methods one may fly that can read the flight and all choices; the paper's where none can."""
     methods = ["field", "fine"] if flight.has_images and flight.camera else ["field"]
-    chosen = choices | ({} if options.neighbors is None else {"measurement.neighbors": 1})
     fit = []
     for method in methods:
         with suppress(ParameterError):
-            compose(method, chosen)
+            compose(method, choices)
             fit.append(method)
     return fit or ["paper"]
 
@@ -134,7 +129,6 @@ def _trained(
         n_textons=options.textons,
         patch=options.patch,
         cells=options.cells,
-        neighbors=options.neighbors,
         # The stream that experiments train with, so that equal seeds give equal maps.
         rng=stream(options.seed, "training"),
         **choices,
@@ -153,14 +147,15 @@ def _verdict(assessment: Assessment | None) -> str:
     """What to expect of a map, and how honest its covariances are."""
     if assessment is None:
         return "the flight is too short to tell what to expect of it"
-    error, lost = 100 * assessment.error_m, assessment.lost_share
-    words = f"{error:.0f} cm mean error on left-out parts of this flight"
-    if assessment.coverage_90 is None or lost > MOST_LOST:
+    lost, coverage = assessment.lost_share, assessment.coverage_90
+    words = f"{100 * assessment.error_m:.0f} cm mean error on left-out parts of this flight"
+    if coverage is None or lost > MOST_LOST:
         why = "frames look like several places, or like none"
         if assessment.wide_share > 0.5:
             why = "what it may claim at best is too wide for so small an area"
         return f"{words}. LOST in {lost:.0%} of frames, {why}: record a longer, closer survey"
-    words += f", lost in {lost:.0%} of frames.\nThe 90 % region held the true position "
-    words += f"in {assessment.coverage_90:.0%} of the others: "
-    honest = assessment.coverage_90 >= LEAST_COVERAGE
-    return words + ("honest" if honest else "OVERCONFIDENT, do not steer by it")
+    honest = "honest" if coverage >= LEAST_COVERAGE else "OVERCONFIDENT, do not steer by it"
+    return (
+        f"{words}, lost in {lost:.0%} of frames.\nThe 90 % region held the true position in "
+        f"{coverage:.0%} of the others: {honest}"
+    )

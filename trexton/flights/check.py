@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -30,16 +28,11 @@ __all__ = ["Report", "check_flight", "facts", "repair_flight"]
 
 MOST_ROUNDS = 10  # a repair may uncover what another repairs
 
-# What may differ between sentences that say the same: names in quotes, paths, numbers.
-_PARTICULAR = re.compile(r"'[^']*'|/\S+|-?\d[\d.e+-]*")
-
 
 @dataclass(frozen=True)
 class Report:
     """What `check_flight` found: facts (name, text), faults that forbid the flight's use, and
     warnings.
-
-    Printed, sentences that differ only in their numbers and names are one line with a count.
     """
 
     path: Path
@@ -54,27 +47,11 @@ class Report:
     def __str__(self) -> str:
         width = max((len(name) for name, _ in self.facts), default=0)
         lines = [f"{name:<{width}}  {text}" for name, text in self.facts]
-        lines += [f"fault    {fault}" for fault in _grouped(self.faults)]
-        lines += [f"warning  {warning}" for warning in _grouped(self.warnings)]
+        lines += [f"fault    {fault}" for fault in self.faults]
+        lines += [f"warning  {warning}" for warning in self.warnings]
         count = f"{count_of(len(self.faults), 'fault')}, {count_of(len(self.warnings), 'warning')}"
         verdict = "usable" if self.usable else "cannot be used"
         return "\n".join([*lines, f"{self.path}: {verdict} ({count})"])
-
-
-def _grouped(sentences: list[str]) -> Iterator[str]:
-    """Each sentence, or the first of its like and how many more there are."""
-    alike: dict[str, list[str]] = {}
-    for sentence in sentences:
-        where, comma, what = sentence.partition(", row ")
-        key = where + comma + _PARTICULAR.sub("#", what) if comma else sentence
-        alike.setdefault(key, []).append(sentence)
-    for group in alike.values():
-        if len(group) == 1:
-            yield group[0]
-        else:
-            last = re.search(r", row (\d+)", group[-1])
-            until = f", the last in row {last[1]}" if last else ""
-            yield f"{group[0]} (and {len(group) - 1} more like it{until})"
 
 
 def check_flight(path: str | os.PathLike[str]) -> Report:
@@ -88,7 +65,12 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
         counts = (f"{count} of {_size(size)}" for size, count in images.sizes.items())
         found.append(("images", ", ".join(counts) or "none readable"))
     faults, warnings = reading.faults + list(images.unusable.values()), reading.warnings
-    warnings += [images.doubt] * bool(images.doubt)
+    if images.frozen:
+        warnings.append(
+            f"{path}: {count_of(len(images.frozen), 'picture')} like the one before to the byte "
+            f"(first: frames.csv, row {images.frozen[0]}): where the camera was frozen, leave the "
+            "frames out"
+        )
     if reading.flight is not None:
         try:
             reading.flight.floor  # noqa: B018 - reads the picture
@@ -108,20 +90,17 @@ class _Images:
     unusable : dict of int to str
         Rows of frames.csv whose image cannot be read or is of another size, with a sentence.
     frozen : list of int
-        Rows whose picture is that of another file before to the bit.
-    doubt : str
+        Rows whose picture is that of the row before to the bit.
     """
 
     sizes: Counter[tuple[int, int]] = field(default_factory=Counter)
     unusable: dict[int, str] = field(default_factory=dict)
     frozen: list[int] = field(default_factory=list)
-    doubt: str = ""
 
     @classmethod
     def of(cls, reading: Reading) -> _Images:
         """By decoding every one that is there."""
-        found, contents = cls(), set()
-        before: tuple[Path, bytes] | None = None
+        found, before = cls(), b""
         places: dict[int, tuple[Path, tuple[int, int]]] = {}
         for row, file in progress(reading.image_files, "images"):
             try:
@@ -130,10 +109,9 @@ class _Images:
                 found.unusable[row] = f"frames.csv, row {row}: {error}"
                 continue
             content = hashlib.sha256(np.ascontiguousarray(image).data).digest()
-            if before and content == before[1] and file != before[0]:
+            if content == before:
                 found.frozen.append(row)
-            before = file, content
-            contents.add(content)
+            before = content
             places[row] = file, (image.shape[1], image.shape[0])
         found.sizes.update(size for _, size in places.values())
         camera = reading.flight.camera if reading.flight else None
@@ -146,20 +124,6 @@ class _Images:
                     f"frames.csv, row {row}: {file} is {_size(size)} where {whose} "
                     f"{_size(expected)}: all images of a flight have one size"
                 )
-        names = {file for file, _ in places.values()}
-        if len(places) > 2 and 2 * len(contents) < len(places):
-            if len(names) > 1:
-                found.doubt = (
-                    f"{reading.image_files[0][1].parent}: {len(names)} image files hold only "
-                    f"{len(contents)} different pictures: check what was recorded"
-                )
-            found.frozen = []
-        elif found.frozen:
-            found.doubt = (
-                f"{reading.image_files[0][1].parent}: {count_of(len(found.frozen), 'picture')} "
-                f"like the one before to the byte (first: frames.csv, row {found.frozen[0]}): "
-                "where the camera was frozen, leave the frames out"
-            )
         return found
 
 
@@ -214,11 +178,6 @@ def repair_flight(
 ) -> list[str]:
     """Write the flight in the folder `path`, repaired, as the folder `out`; the original is kept.
 
-    Parameters
-    ----------
-    replaced : bool
-        A Flight folder at `out` may be replaced.
-
     Returns
     -------
     list of str
@@ -235,16 +194,13 @@ def repair_flight(
     if reading.flight is None:
         raise FlightError(reading.faults[0])
     flight, images = reading.flight, _Images.of(reading)
-    for rows, what in (
-        (set(images.unusable), "whose images cannot be read, or are of another size"),
-        (set(images.frozen), "whose picture is the one before"),
-    ):
-        if rows:
-            done.append(f"{count_of(len(rows), 'frame')} left out {what}")
-    left_out = {*images.unusable, *images.frozen}
-    if left_out:
+    if left_out := {*images.unusable, *images.frozen}:
         if len(left_out) == len(flight):
             raise FlightError(f"{path}/{next(iter(images.unusable.values()))}")
+        done.append(
+            f"{count_of(len(left_out), 'frame')} left out whose image cannot be read, is of "
+            "another size, or is the one before"
+        )
         flight = flight.select(np.array([row not in left_out for row, _ in reading.image_files]))
     for rounds in range(MOST_ROUNDS + 1):
         doubts = plausibility.warnings(flight)

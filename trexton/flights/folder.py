@@ -19,7 +19,7 @@ from trexton.base.errors import FlightError
 from trexton.flights.flight import SUM_TOLERANCE, Flight, area_around
 from trexton.flights.frames import ImageFiles
 from trexton.flights.header import FARTHEST, read_header
-from trexton.flights.tables import read_table
+from trexton.flights.tables import TextTable, read_table
 from trexton.vision.camera import Camera
 from trexton.vision.rectification import Rectification
 
@@ -46,16 +46,18 @@ class Reading:
     faults: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     image_files: list[tuple[int, Path]] = field(default_factory=list)
-    repaired: list[str] | None = None
-    listed: np.ndarray = field(default_factory=lambda: np.zeros(0, int))  # frames as in the file
-    order: np.ndarray | None = None  # of the rows, where they were sorted
 
     def refuse(
         self, path: Path, rows: np.ndarray, wrong: np.ndarray, found: Callable[[int], str]
     ) -> None:
-        """A fault for each row where `wrong`, with what was found there."""
-        for row in np.flatnonzero(wrong).tolist():
-            self.faults.append(f"{path}, row {rows[row]}: {found(row)}")
+        """A fault where rows are `wrong`: what was found in the first, and in how many."""
+        if wrong.any():
+            first = int(wrong.argmax())
+            self.faults.append(f"{path}, row {rows[first]}: {found(first)}{_more(rows[wrong])}")
+
+
+def _more(rows: np.ndarray) -> str:
+    return f" (and {len(rows) - 1} more like it, the last in row {rows[-1]})" * (len(rows) > 1)
 
 
 def read_flight(path: str | os.PathLike[str]) -> Flight:
@@ -79,63 +81,146 @@ def load_folder(path: Path, repaired: list[str] | None = None) -> Reading:
 
     Where a list `repaired` is given, rows out of order are sorted instead, and it says so.
     """
-    reading = Reading(repaired=repaired)
+    reading = Reading()
     if not path.is_dir():
         reading.faults.append(f"{path}: no such folder: give the folder that holds flight.toml")
         return reading
     header, reading.faults = read_header(path / "flight.toml")
-    columns = _read_frames(path / "frames.csv", reading)
-    if columns is None:
+    declared = header or {}
+    table = _read(path / "frames.csv", reading)
+    columns = _columns(table, reading) if table else None
+    if table is None or columns is None:
         return reading
-    histograms = None
+    listed, order = columns["frame"], np.arange(len(table))
+    if repaired is not None:
+        order = np.unique(columns["t_s"], return_index=True)[1]
+        columns = _sorted(columns, order, repaired)
+    rows, histograms = np.array(table.rows)[order], None
+    _check_rows(path / "frames.csv", columns, rows, reading)
     if (path / "histograms.csv").exists():
-        features = (header or {}).get("features", "textons")
-        histograms = _read_histograms(path / "histograms.csv", features, reading)
+        histograms = _read_histograms(path / "histograms.csv", listed, declared, reading)
+        histograms = None if histograms is None else histograms[order]
     elif "image" not in columns:
         reading.faults.append(
             f"{path}: neither images nor histograms.csv found: a flight needs at least one of them"
         )
-    files = _find_images(path, columns.get("image"), reading)
-    _check_split(path / "flight.toml", header, columns["frame"], reading)
-    if header and "floor" in header:
-        floor = (path / header["floor"]["image"]).resolve()
-        if path.resolve() not in floor.parents:
+    files = _find_images(path, columns.get("image"), rows, reading)
+    frames = columns["frame"]
+    for name, (first, last) in declared.get("split", {}).items():
+        if not ((frames >= first) & (frames <= last)).any():
             reading.faults.append(
-                f"{path / 'flight.toml'}: [floor] image {header['floor']['image']!r} leads out of "
-                "the flight's folder: copy the picture into it"
+                f"{path / 'flight.toml'}: split {name!r} is {first} to {last}, but the frames are "
+                f"{frames[0]} to {frames[-1]}: correct it"
             )
-    if not reading.faults and header is not None:
-        reading.flight = _assemble(path, header, columns, files, histograms)
+    if "floor" in declared and not _inside(path, path / declared["floor"]["image"]):
+        reading.faults.append(
+            f"{path / 'flight.toml'}: [floor] image {declared['floor']['image']!r} leads out of "
+            "the flight's folder: copy the picture into it"
+        )
+    if not reading.faults:
+        reading.flight = _assemble(path, declared, columns, files, histograms)
     return reading
 
 
-def _find_images(path: Path, names: list[str] | None, reading: Reading) -> tuple[Path, ...] | None:
+def _read(path: Path, reading: Reading) -> TextTable | None:
+    try:
+        table = read_table(path)
+    except FlightError as error:
+        reading.faults.append(str(error))
+        return None
+    reading.warnings += table.unusual()
+    return table
+
+
+def _columns(table: TextTable, reading: Reading) -> Columns | None:
+    """The columns of frames.csv, in the order of the file."""
+    path, header, columns = table.path, table.header, {}
+    odd = [f"unknown column {name!r}" for name in header if name not in _REQUIRED + _OPTIONAL]
+    odd += [f"column {name!r} is missing" for name in _REQUIRED if name not in header]
+    if odd:
+        reading.faults.append(f"{path}: {odd[0]}: expected {_COLUMNS}")
+        return None
+    try:
+        for name in header:
+            needed = name in ("frame", "t_s")
+            if name == "image":
+                columns[name] = np.array(table.texts(name), dtype=object)
+                continue
+            columns[name] = table.numbers(name, missing_allowed=not needed)
+            if needed and (most := np.abs(columns[name]).max()) > 2**53:
+                raise FlightError(
+                    f"{path}: {name} reaches {most:g}: count from the first frame, in seconds"
+                )
+    except FlightError as error:
+        reading.faults.append(str(error))
+        return None
+    frame = columns["frame"]
+    reading.refuse(
+        path, np.array(table.rows), frame % 1 != 0,
+        lambda row: f"frame is {frame[row]:g}: expected a whole number",
+    )  # fmt: skip
+    columns["frame"] = frame.astype(np.int64)
+    return columns
+
+
+def _sorted(columns: Columns, order: np.ndarray, said: list[str]) -> Columns:
+    """The rows in order of their stamps, one a stamp; frame numbers that then go back are counted
+    anew.
+    """
+    time = columns["t_s"]
+    if not np.array_equal(order, np.arange(len(time))):
+        back, twice = int((np.diff(time) < 0).sum()), len(time) - len(order)
+        said.append(f"{back} rows put in order of their stamps, {twice} of repeated stamps dropped")
+        columns = {name: values[order] for name, values in columns.items()}
+    if (np.diff(columns["frame"]) <= 0).any():
+        said.append("frames numbered anew")
+        columns["frame"] = np.arange(len(order))
+    return columns
+
+
+def _check_rows(path: Path, columns: Columns, rows: np.ndarray, reading: Reading) -> None:
+    for name, what in (("t_s", "stamp"), ("frame", "frame number")):
+        values = columns[name]
+        steps = np.diff(values, prepend=-np.inf)
+        row = int((steps <= 0).argmax())
+        order = "unsorted" if steps[row] else "duplicated"
+        found = f"{order} {what} {values[row]}: they must increase"
+        reading.refuse(path, rows, steps <= 0, lambda _, found=found: found)  # type: ignore[misc]
+    place = np.abs(np.column_stack([columns["x_m"], columns["y_m"]])).max(axis=1)
+    if (unknown := rows[np.isnan(place)]).size:
+        reading.warnings.append(
+            f"{path}, row {unknown[0]}: the position is missing or NaN: the frame cannot train and "
+            f"has no ground truth{_more(unknown)}"
+        )
+    reading.refuse(
+        path, rows, place > FARTHEST,
+        lambda row: f"the position is {place[row]:g} m from the origin: no such place on Earth, "
+        "leave it empty or give metres",
+    )  # fmt: skip
+
+
+def _inside(folder: Path, file: Path) -> bool:
+    return folder.resolve() in file.resolve().parents
+
+
+def _find_images(
+    path: Path, names: np.ndarray | None, rows: np.ndarray, reading: Reading
+) -> tuple[Path, ...] | None:
     """The files named; regular files below ``images/`` only, links too if they stay there."""
     if names is None:
         return None
     folder = path / "images"
-    files, top = tuple(folder / name for name in names), folder.resolve()
-    for row, (name, file) in enumerate(zip(names, files, strict=True), start=2):
-        if name and os.path.isfile(file) and top in file.resolve().parents:
-            reading.image_files.append((row, file))
-            continue
-        if not name:
-            found = "no image is named: add the file or drop the row"
-        elif os.path.exists(file):
-            found = f"image {name!r} leads out of {folder}: copy the file into the flight"
-        else:
-            found = f"image {name!r} is not in {folder}: add the file or drop the row"
-        reading.faults.append(f"{path / 'frames.csv'}, row {row}: {found}")
+    files = tuple(folder / name for name in names)
+    there = np.array([os.path.isfile(file) and _inside(folder, file) for file in files])
+    reading.image_files = [(int(rows[row]), files[row]) for row in np.flatnonzero(there)]
+
+    def found(row: int) -> str:
+        out = names[row] and os.path.exists(files[row])
+        how = "leads out of" if out else "is not in"
+        return f"image {names[row]!r} {how} {folder}: copy the file there or drop the row"
+
+    reading.refuse(path / "frames.csv", rows, ~there, found)
     return files
-
-
-def _check_split(path: Path, header: Columns | None, frames: np.ndarray, reading: Reading) -> None:
-    for name, (first, last) in (header or {}).get("split", {}).items():
-        if not ((frames >= first) & (frames <= last)).any():
-            reading.faults.append(
-                f"{path}: split {name!r} is {first} to {last}, but the frames are {frames[0]} to "
-                f"{frames[-1]}: correct it"
-            )
 
 
 def _assemble(
@@ -178,115 +263,31 @@ def _assemble(
     )  # fmt: skip
 
 
-def _read_frames(path: Path, reading: Reading) -> Columns | None:
-    try:
-        table = read_table(path)
-    except FlightError as error:
-        reading.faults.append(str(error))
+def _read_histograms(
+    path: Path, frames: np.ndarray, header: Columns, reading: Reading
+) -> np.ndarray | None:
+    if (table := _read(path, reading)) is None:
         return None
-    reading.warnings += table.unusual()
-    header, rows = table.header, np.array(table.rows)
-    before = len(reading.faults)
-    if unknown := [name for name in header if name not in _REQUIRED + _OPTIONAL]:
-        reading.faults.append(f"{path}: unknown column {unknown[0]!r}: expected {_COLUMNS}")
-    if missing := [name for name in _REQUIRED if name not in header]:
-        reading.faults.append(f"{path}: column {missing[0]!r} is missing: expected {_COLUMNS}")
-    columns: Columns = {}
-    for name in header if len(reading.faults) == before else ():
-        try:
-            needed = name in ("frame", "t_s")
-            columns[name] = (
-                table.texts(name)
-                if name == "image"
-                else table.numbers(name, missing_allowed=not needed)
-            )
-            if needed and np.abs(columns[name]).max() > 2**53:
-                raise FlightError(
-                    f"{path}: {name} reaches {np.abs(columns[name]).max():g}: "
-                    "count from the first frame, in seconds"
-                )
-        except FlightError as error:
-            reading.faults.append(str(error))
-    if len(reading.faults) > before:
-        return None
-    frame = columns["frame"]
-    reading.refuse(
-        path, rows, frame % 1 != 0, lambda row: f"frame is {frame[row]:g}: expected a whole number"
-    )
-    columns["frame"] = frame.astype(np.int64)
-    reading.listed = columns["frame"]
-    if reading.repaired is not None:
-        _sort(columns, reading.repaired, reading)
-        rows = rows[reading.order] if reading.order is not None else rows
-    _check_rows(path, columns, rows, reading)
-    return columns
-
-
-def _check_rows(path: Path, columns: Columns, rows: np.ndarray, reading: Reading) -> None:
-    for name, what in (("t_s", "stamp"), ("frame", "frame number")):
-        steps = np.diff(columns[name], prepend=-np.inf)
-        reading.refuse(
-            path, rows, steps <= 0,
-            lambda row, steps=steps, what=what, name=name: (  # type: ignore[misc]
-                f"{'unsorted' if steps[row] else 'duplicated'} {what} {columns[name][row]}: "
-                "they must increase"
-            ),
-        )  # fmt: skip
-    place = np.abs(np.column_stack([columns["x_m"], columns["y_m"]])).max(axis=1)
-    for row in np.flatnonzero(np.isnan(place)):
-        reading.warnings.append(
-            f"{path}, row {rows[row]}: the position is missing or NaN: the frame cannot train and "
-            "has no ground truth"
-        )
-    reading.refuse(
-        path, rows, place > FARTHEST,
-        lambda row: f"the position is {place[row]:g} m from the origin: no such place on Earth, "
-        "leave it empty or give metres",
-    )  # fmt: skip
-
-
-def _sort(columns: Columns, said: list[str], reading: Reading) -> None:
-    """Put the rows in order of their stamps, one a stamp; frame numbers that then go back are
-    counted anew.
-    """
-    time = columns["t_s"]
-    order = np.unique(time, return_index=True)[1]
-    if not np.array_equal(order, np.arange(len(time))):
-        back, twice = int((np.diff(time) < 0).sum()), len(time) - len(order)
-        said.append(f"{back} rows put in order of their stamps, {twice} of repeated stamps dropped")
-        reading.order = order
-        for name, values in columns.items():
-            columns[name] = [values[i] for i in order] if name == "image" else values[order]
-    if (np.diff(columns["frame"]) <= 0).any():
-        said.append("frames numbered anew")
-        columns["frame"] = np.arange(len(order))
-
-
-def _read_histograms(path: Path, features: str, reading: Reading) -> np.ndarray | None:
-    frames = reading.listed
+    names, rows = table.header, np.array(table.rows)
     try:
-        table = read_table(path)
-        header, rows = table.header, np.array(table.rows)
-        if len(header) < 2 or header != ["frame", *(f"t{i}" for i in range(len(header) - 1))]:
+        if len(names) < 2 or names != ["frame", *(f"t{i}" for i in range(len(names) - 1))]:
             raise FlightError(
-                f"{path}: unknown columns {','.join(header[:4])}...: expected frame,t0,t1,..."
+                f"{path}: unknown columns {','.join(names[:4])}...: expected frame,t0,t1,..."
             )
-        values = np.column_stack([table.numbers(name, missing_allowed=False) for name in header])
+        values = np.column_stack([table.numbers(name, missing_allowed=False) for name in names])
+        if not np.array_equal(values[:, 0], frames):
+            common = min(len(values), len(frames))
+            odd = int(np.argmin([*(values[:common, 0] == frames[:common]), False]))
+            raise FlightError(
+                f"{path}, row {rows[min(odd, len(rows) - 1)]}: its frames differ from those of "
+                f"frames.csv ({len(values)} rows against {len(frames)}): list the same frames in "
+                "the same order"
+            )
     except FlightError as error:
         reading.faults.append(str(error))
-        return None
-    reading.warnings += table.unusual()
-    if not np.array_equal(values[:, 0], frames):
-        common = min(len(values), len(frames))
-        odd = int(np.argmin([*(values[:common, 0] == frames[:common]), False]))
-        reading.faults.append(
-            f"{path}, row {rows[odd] if odd < len(rows) else rows[-1] + 1}: its frames differ from "
-            f"those of frames.csv ({len(values)} rows against {len(frames)}): list the same frames "
-            "in the same order"
-        )
         return None
     histograms = values[:, 1:]
-    if features == "textons":
+    if header.get("features", "textons") == "textons":
         sums, least = histograms.sum(axis=1), histograms.min(axis=1)
         reading.refuse(
             path, rows, (least < 0) | (np.abs(sums - 1) > SUM_TOLERANCE),
@@ -294,4 +295,4 @@ def _read_histograms(path: Path, features: str, reading: Reading) -> np.ndarray 
             f"expected relative frequencies that sum to 1 within {SUM_TOLERANCE:.0%}, or "
             'features = "..." in the header for other features',
         )  # fmt: skip
-    return histograms if reading.order is None else histograms[reading.order]
+    return histograms

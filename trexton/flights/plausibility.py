@@ -6,15 +6,12 @@ what to do about it, and how that is done where it can be; `warnings` runs all o
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
-from trexton.flights.frames import ImageFiles
 from trexton.flights.repair import (
     Doubt,
     count_of,
@@ -37,7 +34,6 @@ MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
-FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 
 
 def warnings(flight: Flight) -> list[Doubt]:
@@ -172,15 +168,10 @@ def _extent(flight: Flight) -> Iterator[str]:
     if len(rows) < 2:
         return
     extent = np.ptp(flight.position[rows], axis=0)
-    if extent.max() == 0:
+    if extent.max() < MIN_EXTENT:
         yield (
-            f"all {len(rows)} positions are the same place: nothing can be learned or judged from "
-            "them, check what was recorded"
-        )
-    elif extent.max() < MIN_EXTENT:
-        yield (
-            f"the positions span {extent[0]:.2g} m x {extent[1]:.2g} m: another unit than metres, "
-            "or a vehicle that stood still"
+            f"the {len(rows)} positions span {extent[0]:.2g} m x {extent[1]:.2g} m: another unit "
+            "than metres, or a vehicle that stood still"
         )
 
 
@@ -205,10 +196,8 @@ def _stamps(flight: Flight) -> Iterator[str]:
 
 
 def _splits(flight: Flight) -> Iterator[str]:
-    located = flight.located
-    for name, (first, last) in flight.split.items():
-        count = int(located[(flight.frame >= first) & (flight.frame <= last)].sum())
-        if count < 3:
+    for name in flight.split:
+        if (count := int(flight.part(name).located.sum())) < 3:
             yield (
                 f"split {name!r} holds {count_of(count, 'frame')} with a position: "
                 "training and test need at least 3"
@@ -223,55 +212,11 @@ def _splits(flight: Flight) -> Iterator[str]:
             )
 
 
-def _floor(flight: Flight) -> Iterator[str]:
-    rows = np.flatnonzero(flight.located)
-    if not len(rows):
-        return
-    try:
-        floor = flight.floor
-    except TrextonError:  # a fault of its own
-        return
-    if floor is None:
-        return
-    pixel = floor.to_pixels(flight.position[rows])
-    size = floor.image.shape[1::-1]
-    on = ((pixel >= -0.5) & (pixel <= np.array(size) - 0.5)).all(axis=1)
-    corners = floor.to_world(np.array([(0, 0), (size[0], 0), size, (0, size[1])]) - 0.5)
-    spanned = np.ptp(corners, axis=0)
-    if on.mean() < 0.5:
-        yield (
-            f"{count_of(int((~on).sum()), 'position')} of {len(rows)} lie beside the picture of "
-            f"the floor, which spans {spanned[0]:.4g} m x {spanned[1]:.4g} m from "
-            f"x {corners[:, 0].min():.3g}, y {corners[:, 1].min():.3g}: check world_from_pixel"
-        )
-    elif spanned.max() > FLOOR_RATIO * max(flight.diagonal, 1e-3):
-        yield (
-            f"the picture of the floor spans {spanned[0]:.4g} m x {spanned[1]:.4g} m, the area "
-            f"{flight.diagonal:.3g} m from corner to corner: world_from_pixel in another unit? "
-            "write metres"
-        )
-
-
-def _names(flight: Flight) -> Iterator[str]:
-    if not isinstance(flight.frames, ImageFiles) or len(flight) < 2:
-        return
-    file, often = Counter(flight.frames.files).most_common(1)[0]
-    if often > 1:
-        yield f"{often} frames name the same image {file.name!r}: give each frame its own"
-
-
-def _features(flight: Flight) -> Iterator[str]:
-    if flight.histograms is None or len(flight) < 3:
-        return
-    if np.ptp(flight.histograms, axis=0).max() == 0:
-        yield "all histograms are the same: no frame can be told from another"
-
-
 def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
     return int(flight.frame[rows[int(chosen.argmax())]])
 
 
 _CHECKS: tuple[Callable[[Flight], Iterator[str]], ...] = (
     _outside, _tracking, _speed, _heights, _angles, view_doubts, time_offset_doubts, _extent,
-    _stamps, _splits, _floor, _names, _features,
+    _stamps, _splits,
 )  # fmt: skip

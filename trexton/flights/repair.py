@@ -22,7 +22,7 @@ from trexton.flights.importers.axes import (
     readings,
 )
 from trexton.flights.importers.recording import NANO, PoseTrack, match
-from trexton.vision.time_offset import moves, small, speed_correlations, time_offset, turns
+from trexton.vision.time_offset import small, time_offset, turns
 
 __all__ = [
     "Doubt", "count_of", "scaled", "time_offset_doubts", "view_doubts", "with_poses_of",
@@ -31,9 +31,6 @@ __all__ = [
 
 TURNED = 0.5  # radians of yaw that other numbers would hardly look down over
 OFFSET_FRAMES = 400  # whose motion is measured
-FEWEST_MOVED = 60  # of them with a place, for an offset by speed
-ALIKE, CLEARER = 0.6, 0.15  # correlation of speeds that is believed, and above that of others
-CLEAR_S, MOST_LATE = 0.6, 2.0  # seconds from the best offset to others, and that it may have
 
 
 class Doubt(str):
@@ -121,13 +118,11 @@ def view_doubts(flight: Flight) -> Iterator[str]:
 
 
 def time_offset_doubts(flight: Flight) -> Iterator[str]:
-    """Pictures that turn or move at another time than the poses beside them, or turn the other
-    way.
-    """
-    if not flight.has_images:
+    """Pictures that turn at another time than the yaw beside them, or the other way."""
+    if not flight.has_images or flight.attitude is None:
         return
-    yaw = np.full(len(flight), np.nan) if flight.attitude is None else flight.attitude[:, 2]
-    rows = np.flatnonzero(flight.located | np.isfinite(yaw))[:OFFSET_FRAMES]
+    yaw = flight.attitude[:, 2]
+    rows = np.flatnonzero(np.isfinite(yaw))[:OFFSET_FRAMES]
     try:
         pictures = [small(flight.image(row)) for row in rows]
     except TrextonError:
@@ -135,41 +130,21 @@ def time_offset_doubts(flight: Flight) -> Iterator[str]:
     if len({picture.shape for picture in pictures}) != 1:
         return
     time = flight.time[rows]
-    known = np.isfinite(yaw[rows])
-    found = time_offset(time, turns(pictures), time[known], yaw[rows][known])
-    if found is not None and found.sure and found.mirrored:
+    found = time_offset(time, turns(pictures), time, yaw[rows])
+    if found is None or not found.sure:
+        return
+    if found.mirrored:
         yield Doubt(
             "the pictures turn against the yaw: a yaw that is counted clockwise, or pictures that "
             "are mirrored? count it anticlockwise, as seen from above",
             "yaw counted the other way",
             lambda flight: replace(flight, attitude=np.array((1, 1, -1)) * flight.attitude),
         )
-        return
-    if found is not None and found.sure:
-        what, seconds = "turn {} the yaw does", found.seconds if found.noticeable else 0.0
-    else:
-        what, seconds = "move {} the positions do", _by_speed(flight, rows, pictures)
-    if seconds:
-        late = f"{abs(seconds):.2f} s {'after' if seconds > 0 else 'before'}"
+    elif found.noticeable:
+        late = f"{abs(found.seconds):.2f} s {'after' if found.seconds > 0 else 'before'}"
         yield Doubt(
-            f"the pictures {what.format(late)}: their stamps and those of attitude and position "
-            "are not of one clock: shift the one by that",
-            f"poses shifted, as the pictures {what.format(late)}",
-            lambda flight: with_poses_of(flight, seconds),
+            f"the pictures turn {late} the yaw does: their stamps and those of attitude and "
+            "position are not of one clock: shift the one by that",
+            f"poses shifted, as the pictures turn {late} the yaw does",
+            lambda flight: with_poses_of(flight, found.seconds),
         )
-
-
-def _by_speed(flight: Flight, rows: np.ndarray, pictures: list[np.ndarray]) -> float:
-    """Seconds by which pictures move after the vehicle does, 0 where that is not sure."""
-    located = flight.located[rows]
-    time = flight.time[rows]
-    if located.sum() < FEWEST_MOVED or not 4 * MOST_LATE < np.ptp(time) < 1e4:
-        return 0.0
-    height = np.ones(len(rows)) if flight.height is None else flight.height[rows]
-    motion = moves(pictures) * np.nan_to_num(height, nan=1.0) / np.diff(time, prepend=time[0] - 1)
-    offsets, alike = speed_correlations(time, motion, time[located], flight.position[rows[located]])
-    best = int(alike.argmax())
-    others = np.abs(offsets - offsets[best]) > CLEAR_S
-    now = float(np.interp(0, offsets, alike))
-    sure = alike[best] > ALIKE and max(now, alike[others].max(initial=-1)) < alike[best] - CLEARER
-    return -float(offsets[best]) if sure and abs(offsets[best]) <= MOST_LATE else 0.0
