@@ -15,9 +15,8 @@ from trexton.flights.flight import Flight
 from trexton.localization.localizer import Estimate, TextonMap
 from trexton.localization.motion import RandomWalk
 from trexton.localization.training import train_map
-from trexton.onboard.fix import Fix
-from trexton.onboard.local import LocalFrame
-from trexton.onboard.mavlink.options import MavlinkOptions
+from trexton.onboard.fix import Fix, LocalFrame
+from trexton.onboard.settings import MavlinkOptions
 from trexton.onboard.sinks import Surroundings
 from trexton.onboard.tally import Tally
 from trexton.simulator import Floor, Simulator, record_flight

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import small_flight
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_room import observations
 
@@ -23,8 +23,6 @@ from trexton.localization.methods import ROLES, make
 from trexton.localization.motion import RandomWalk
 from trexton.localization.neighbors import NearestHistograms
 from trexton.localization.resampling import Systematic
-from trexton.onboard.intake import StampKeeper
-from trexton.onboard.tally import Tally
 
 PROCESS, NOISE = np.diag([0.02, 0.03]), np.diag([0.1, 0.06])
 AREA = (0.0, 4.0, 0.0, 3.0)
@@ -217,23 +215,6 @@ def test_any_flight_reads_back_as_it_was_written(places, period, name):
     np.testing.assert_array_equal(again.position, flight.position)
     np.testing.assert_array_equal(again.time, flight.time)
     assert again.name == flight.name and again.data_hash == flight.data_hash
-
-
-ticks = st.tuples(st.floats(-1e5, 1e5), st.floats(-1e10, 1e10, allow_nan=False))
-
-
-@few
-@given(st.lists(ticks, min_size=2, max_size=40))
-@example([(0.0, 1e6), (6.1e-05, 0.0)])
-def test_stamps_only_increase_whatever_the_clocks_do(moves):
-    """The steady clock jumps, a camera's stamps are of any clock."""
-    now = [1e6]
-    keeper = StampKeeper(Tally(), lambda: now[0])
-    kept = []
-    for steady, stamp in moves:
-        now[0] += steady
-        kept.append(keeper.keep(stamp))
-    assert (np.diff(kept) > 0).all()  # however little: a clock may tick finer than `SMALLEST`
 
 
 @few

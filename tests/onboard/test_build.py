@@ -48,7 +48,7 @@ def test_nothing_is_written_over_what_is_read_and_no_file_twice(outputs, flight,
 
 @pytest.mark.parametrize("images", [False, True])
 def test_what_takes_long_at_first_is_done_before_it_is_ready(images, flight, tmp_path, monkeypatch):
-    """A first start compiles: the loop would be silent for longer than systemd's watchdog waits."""
+    """A first start compiles: the loop would be silent for seconds."""
     path = save_map(room_map(), tmp_path / "images.npz") if images else flight[1]
     stepped, step = [], Localizer.step
 

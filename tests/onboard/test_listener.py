@@ -16,7 +16,7 @@ from onboard_autopilot import from_autopilot as said_by  # noqa: E402
 from onboard_tools import make_fix  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
-from trexton.onboard.local import LocalFrame  # noqa: E402
+from trexton.onboard.fix import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink.link import UdpIn  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
 from trexton.onboard.mavlink.messages import PROFILES  # noqa: E402
@@ -124,6 +124,8 @@ def test_an_answer_counts_only_if_it_is_for_us(target, ours):
     ear = listener(1)
     ear.hear(said_by(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, *target)), 0.0)
     assert bool(ear.answers) == ours
+    ear.hear(said_by(mavlink.MAVLink_command_ack_message(511, 0, 0, 0, *target)), 0.0)
+    assert len(ear.answers) == ours  # to another command than a landing
 
 
 def test_a_refusal_to_another_companion_of_the_vehicle_is_none_to_us():

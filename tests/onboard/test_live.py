@@ -207,17 +207,3 @@ def test_a_step_that_takes_long_makes_a_stale_fix(film):
     )
     assert kept.fixes[0].observed and kept.fixes[0].latency >= 1.2
     assert kept.fixes[0].stale and not kept.fixes[0].usable
-
-
-def test_a_number_of_frames_ends_even_where_none_comes(film):
-    clock = Clock()
-
-    class Never(Live):
-        def read(self):
-            clock.now += 11
-            raise CameraLost("nothing there")
-
-    with pytest.raises(CameraLost, match="no frame in"):
-        Onboard(room_localizer(), Never([]), [], tally=Tally(), clock=clock, frames=5).run(
-            threading.Event()
-        )

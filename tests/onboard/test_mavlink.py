@@ -170,7 +170,7 @@ class TestOverUdp:
             assert sink.land(0)
             clock.now += 4
             assert eventually(lambda: tally["silent"] == 1)
-            assert sink.status() == "autopilot silent" and not sink.land(1)
+            assert sink.status() == "autopilot 1 silent" and not sink.land(1)
         finally:
             sink.close()
 

@@ -19,16 +19,15 @@ from onboard_autopilot import (  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
 from trexton.base.errors import ParameterError  # noqa: E402
-from trexton.onboard.commander import CommandAck
-from trexton.onboard.local import LocalFrame  # noqa: E402
+from trexton.onboard.fix import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink import messages  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
 from trexton.onboard.mavlink.messages import PROFILES  # noqa: E402
-from trexton.onboard.mavlink.options import MavlinkOptions  # noqa: E402
 from trexton.onboard.mavlink.speaker import (  # noqa: E402
     REPEAT_TIMEOUT,
     Speaker,
 )
+from trexton.onboard.settings import MavlinkOptions  # noqa: E402
 
 AREA = (0.0, 5.0, 0.0, 5.0)
 
@@ -280,7 +279,7 @@ class TestSpeaker:
         )
         assert not talk.listener.answers
         talk.listener.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 2)), 0.0)
-        assert list(talk.listener.answers) == [CommandAck(21, 2)]
+        assert list(talk.listener.answers) == [2]
         assert talk.land(1, 0.0) and due(talk, 0.0, "COMMAND_LONG")[0].confirmation == 1
 
     def test_an_answer_to_somebody_else_is_none_to_us(self):
@@ -292,7 +291,7 @@ class TestSpeaker:
         talk.listener.hear(
             from_autopilot(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 1, 191)), 0.0
         )
-        assert list(talk.listener.answers) == [CommandAck(21, 0)]
+        assert list(talk.listener.answers) == [0]
 
     def test_what_the_autopilot_says_is_kept_for_the_log(self):
         talk = speaker()

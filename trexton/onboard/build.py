@@ -19,9 +19,8 @@ from trexton.localization.map_files import load_map
 from trexton.localization.methods import parse_choices
 from trexton.onboard.commander import LandingLink
 from trexton.onboard.loop import Onboard
-from trexton.onboard.mavlink.options import MavlinkOptions
-from trexton.onboard.settings import Flying, Landing, MapPlacement, Settings
-from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
+from trexton.onboard.settings import Flying, Landing, MapPlacement, MavlinkOptions, Settings
+from trexton.onboard.sinks import Guard, Surroundings, open_sink
 from trexton.onboard.sinks.files import JsonLines
 from trexton.onboard.sources import Expected, open_source
 from trexton.onboard.tally import Tally
@@ -66,6 +65,12 @@ def build(settings: Settings) -> Onboard:
         None if zone is None else np.array(zone.center),
     )
     sinks = [open_sink(address, around, settings.options) for address in settings.outputs]
+    landers: list[LandingLink] = [each for each in sinks if isinstance(each, LandingLink)]
+    if landing.arm_landing and not landers:
+        raise ParameterError(
+            "--arm-landing needs an output that can command it: "
+            "add --output udpout:HOST:PORT or another MAVLink link"
+        )
     _check_files([settings.map, *source.files], [sink.file for sink in sinks], flying.log)
     warnings = [_overconfidence(texton_map, settings)]
     if any(sink.autopilot for sink in sinks) and settings.of(MapPlacement).heading is None:
@@ -81,7 +86,7 @@ def build(settings: Settings) -> Onboard:
         frames=flying.frames,
         aiding=flying.aiding,
         zone=zone,
-        landers=_landers(sinks) if landing.arm_landing else (),
+        landers=landers if landing.arm_landing else (),
         warnings=list(filter(None, warnings)),
     )
 
@@ -145,7 +150,7 @@ def _overconfidence(texton_map: TextonMap, settings: Settings) -> str:
 
 
 def _warm_up(localizer: Localizer) -> None:
-    """Compile and load now what a frame needs: a first start takes longer than a watchdog waits.
+    """Compile and load now what a frame needs: a first start takes many seconds.
 
     Another localizer of the same map does it: the one that flies draws what it would have drawn.
     """
@@ -156,16 +161,6 @@ def _warm_up(localizer: Localizer) -> None:
         blank = np.zeros((*texton_map.image_shape, 3), np.uint8)
     with suppress(TrextonError):
         Localizer(texton_map, samples=localizer.samples, rng=np.random.default_rng(1)).step(blank)
-
-
-def _landers(sinks: Iterable[Sink]) -> list[LandingLink]:
-    landers: list[LandingLink] = [sink for sink in sinks if isinstance(sink, LandingLink)]
-    if not landers:
-        raise ParameterError(
-            "--arm-landing needs an output that can command it: "
-            "add --output udpout:HOST:PORT or another MAVLink link"
-        )
-    return landers
 
 
 def _check_files(read: Sequence[str], outputs: Iterable[str], log: str | None) -> None:

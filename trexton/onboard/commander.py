@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol, runtime_checkable
 
@@ -13,9 +12,8 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone
 from trexton.onboard.fix import STALE_AFTER, Fix
 
-__all__ = ["CommandAck", "Commander", "LandingLink", "State"]
+__all__ = ["Commander", "LandingLink", "State"]
 
-NAV_LAND = 21
 ACCEPTED, TEMPORARILY_REJECTED, IN_PROGRESS = 0, 1, 5
 REASONS = {
     1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed", 5: "in progress",
@@ -27,21 +25,14 @@ UNHEARD = "no autopilot is there to be commanded, or which one is in doubt"
 ACK_TIMEOUT = 10.0  # an answer later than this after the latest command belongs to no command
 
 
-@dataclass(frozen=True)
-class CommandAck:
-    """A COMMAND_ACK: the command, and what became of it."""
-
-    command: int
-    result: int
-
-
 @runtime_checkable
 class LandingLink(Protocol):
     """What can be commanded to land, and answers: a sink that has these, as MAVLink's."""
 
     def land(self, confirmation: int) -> bool: ...
 
-    def answers(self) -> Sequence[CommandAck]: ...
+    def answers(self) -> Sequence[int]:
+        """Results of landing commands since this was last asked, as MAV_RESULT counts them."""
 
     def on_ground(self) -> bool | None: ...
 
@@ -109,12 +100,15 @@ class Commander:
     def update(self, estimate: Estimate, fix: Fix, now: float) -> State:
         """Take in the latest estimate and whatever answers have come; `now` in seconds, on the
         steady clock."""
-        fresh = fix.usable and fix.observed and fix.age(now) <= STALE_AFTER
         inside = self._inside(estimate, fix, now)
         self._take_answers(now)
         self._take_landed_state()
-        if self._left(fix, fresh):
-            self._end_visit()
+        if self._left(fix, now):
+            if self.state not in (
+                State.LANDING,
+                State.LANDED,
+            ):  # else it has obeyed, wherever it is
+                self._end_visit("the zone was left")
         elif inside and self.state in (State.WATCHING, State.ASKED):
             self._ask(fix, now)
         elif self.state is State.ASKED:
@@ -124,7 +118,7 @@ class Commander:
         return self.state
 
     def _inside(self, estimate: Estimate, fix: Fix, now: float) -> bool:
-        grounded = self._grounded()
+        grounded = any(self._grounded())
         if grounded:  # a service starts long before take-off, with which the search begins
             self._began = None
         if grounded or not fix.usable or fix.age(now) > STALE_AFTER:
@@ -134,13 +128,13 @@ class Commander:
             self._began = fix.time
         return self.zone.update(estimate, fix.time - self._began)
 
-    def _grounded(self) -> bool:
-        """Whether an autopilot says that it stands: nothing is asked of it then."""
-        return any(lander.on_ground() for lander in self._landers)
+    def _grounded(self) -> list[bool | None]:
+        """Which autopilots say that they stand: nothing is asked of them then."""
+        return [lander.on_ground() for lander in self._landers]
 
-    def _left(self, fix: Fix, fresh: bool) -> bool:
+    def _left(self, fix: Fix, now: float) -> bool:
         """Whether the vehicle has been outside long enough for the visit to be over."""
-        if fresh:
+        if fix.usable and fix.observed and fix.age(now) <= STALE_AFTER:
             distance = float(np.hypot(*(fix.position - self.zone.center)))
             if distance <= EXIT_RADII * self.zone.radius:
                 self._outside_since = None
@@ -148,15 +142,10 @@ class Commander:
                 self._outside_since = fix.time
         return self._outside_since is not None and fix.time - self._outside_since >= EXIT_SECONDS
 
-    def _end_visit(self) -> None:
-        if self.state in (State.LANDING, State.LANDED):  # the vehicle has obeyed, wherever it is
-            return
-        self._forget_visit()
-        if self.state is not State.WATCHING:
-            self._become(State.WATCHING, "the zone was left")
-
-    def _forget_visit(self) -> None:
+    def _end_visit(self, why: str) -> None:
         self._sent, self._put_off = 0, ""
+        if self.state is not State.WATCHING:
+            self._become(State.WATCHING, why)
 
     def _ask(self, fix: Fix, now: float) -> None:
         where = {"x_m": float(fix.position[0]), "y_m": float(fix.position[1])}
@@ -168,10 +157,9 @@ class Commander:
         if now < self._ask_at:
             return
         if self._sent >= self._attempts:
-            if self._put_off:
-                self._become(State.REFUSED, f"{self._put_off}, {self._sent} commands sent")
-            else:
-                self._become(State.UNANSWERED, f"{self._sent} commands sent")
+            why = f"{self._put_off}, " if self._put_off else ""
+            ended = State.REFUSED if self._put_off else State.UNANSWERED
+            self._become(ended, f"{why}{self._sent} commands sent")
             return
         self._ask_at = now + self._answer_within
         self._before, self._during = self._phases(), {}
@@ -196,12 +184,7 @@ class Commander:
         return False
 
     def _take_answers(self, now: float) -> None:
-        results = [
-            answer.result
-            for lander in self._landers
-            for answer in lander.answers()
-            if answer.command == NAV_LAND
-        ]
+        results = [result for lander in self._landers for result in lander.answers()]
         if now - self._asked_at > ACK_TIMEOUT and self.state is not State.LANDING:
             return  # to nothing that was asked lately
         for result in results:
@@ -218,13 +201,12 @@ class Commander:
             self._become(State.REFUSED, REASONS.get(result, f"result {result}"))
 
     def _take_landed_state(self) -> None:
-        grounded = [lander.on_ground() for lander in self._landers]
+        grounded = self._grounded()
         if self.state is State.LANDING and any(grounded):
             self._become(State.LANDED, "the autopilot says that it is on the ground")
         elif self.state is State.LANDED and grounded and all(on is False for on in grounded):
-            self._forget_visit()
             self._asked_at = -np.inf
-            self._become(State.WATCHING, "in the air again")
+            self._end_visit("in the air again")
         elif self.state is State.LANDING and self._is_aborted():
             self._become(State.ABORTED, "accepted, then ended by the pilot or the autopilot")
 

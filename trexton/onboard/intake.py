@@ -1,11 +1,9 @@
-"""What is done with a frame before it is localized: its stamp is kept in order, its picture checked
-for faults of the camera, attitude, height and velocity of the same moment gathered.
-"""
+"""What is done with a frame before it is localized: its picture is checked for faults of the
+camera; attitude, height and velocity of the same moment are gathered."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,13 +11,9 @@ import numpy as np
 from trexton.flights.aiding import Aiding
 from trexton.onboard.sinks.base import Guard
 from trexton.onboard.sources.base import Frame
-from trexton.onboard.tally import Tally
 
-__all__ = ["AIDS", "Aids", "Inspector", "StampKeeper"]
+__all__ = ["AIDS", "Aids", "Inspector"]
 
-CLOCK_TOLERANCE = 0.5  # seconds a stamp may lie in the future
-MAX_FRAME_AGE = 60.0  # seconds: an older stamp is of another clock, a younger one of an old frame
-MIN_STAMP_STEP = 1e-3  # seconds
 SAMPLE_STRIDE = 8  # one pixel in 64 tells black from white and one frame from the next
 BLACK_LEVEL, WHITE_LEVEL = 12, 243  # grey levels, of 255
 SATURATED_SHARE = 0.98  # of the pixels, from which on a frame is dark or bright
@@ -29,37 +23,6 @@ _STAMPED = {  # what shares a stamp
     "height_time": ("height",),
     "velocity_time": ("velocity", "velocity_sigma"),
 }
-
-
-class StampKeeper:
-    """Checks capture stamps of a live source.
-
-    Parameters
-    ----------
-    tally : Tally
-    steady : callable
-        Seconds, the clock that stamps are made with.
-    """
-
-    def __init__(self, tally: Tally, steady: Callable[[], float] = time.monotonic):
-        self._tally, self._steady = tally, steady
-        self._last: float | None = None
-        self._shift = 0.0
-
-    def keep(self, stamp: float) -> float:
-        """`stamp`, or the nearest believable one: after the last, not in the future. A frame that
-        is merely old keeps its stamp."""
-        now = self._steady()
-        believed = stamp if now - MAX_FRAME_AGE <= stamp <= now + CLOCK_TOLERANCE else now
-        kept = believed + self._shift
-        if self._last is not None and kept <= self._last:  # back in time: go on from where it was
-            self._shift += self._last + MIN_STAMP_STEP - kept
-            kept = self._last + MIN_STAMP_STEP
-            self._tally.count("clock")
-        elif believed != stamp:
-            self._tally.count("clock")
-        self._last = kept
-        return kept
 
 
 class Inspector:
@@ -121,14 +84,10 @@ class Aids:
         """All aiding at `stamp`, whatever is wanted."""
         said = [] if frame.aiding is None else [frame.aiding.shifted(stamp - frame.time)]
         said += [each for guard in self._sinks if (each := guard.sink.aiding(stamp)) is not None]
-        return _first(each.at(stamp) for each in said)
-
-
-def _first(said: Iterable[Aiding]) -> Aiding:
-    """Attitude, height and velocity each of the first who knows it."""
-    aiding = Aiding()
-    for each in said:
-        lacking = [stamp for stamp in _STAMPED if getattr(aiding, stamp) is None]
-        names = [name for stamp in lacking for name in (stamp, *_STAMPED[stamp])]
-        aiding = replace(aiding, **{name: getattr(each, name) for name in names})
-    return aiding
+        aiding = Aiding()
+        for each in said:  # attitude, height and velocity each of the first who knows it
+            lacking = [stamp for stamp in _STAMPED if getattr(aiding, stamp) is None]
+            names = [name for stamp in lacking for name in (stamp, *_STAMPED[stamp])]
+            known = each.at(stamp)
+            aiding = replace(aiding, **{name: getattr(known, name) for name in names})
+        return aiding

@@ -17,18 +17,20 @@ from trexton.localization.localizer import Localizer
 from trexton.onboard.commander import Commander, LandingLink
 from trexton.onboard.fix import STALE_AFTER, Continuity, Fix
 from trexton.onboard.grabber import Grabber
-from trexton.onboard.intake import MAX_FRAME_AGE, MIN_STAMP_STEP, Aids, Inspector, StampKeeper
+from trexton.onboard.intake import Aids, Inspector
 from trexton.onboard.sinks.base import Guard
-from trexton.onboard.sources.base import CameraLost, Frame, Source
-from trexton.onboard.status import Service, Status
+from trexton.onboard.sources.base import Frame, Source
+from trexton.onboard.status import Status
 from trexton.onboard.tally import Tally
 from trexton.onboard.voice import flush, say
 
 __all__ = ["CAUSES", "Onboard"]
 
 FROZEN_TIMEOUT = 2.0  # seconds of a frozen picture after which the camera is opened again
+CLOCK_TOLERANCE = 0.5  # seconds a stamp may lie in the future
+MAX_FRAME_AGE = 60.0  # seconds: an older stamp is of another clock, a younger one of an old frame
+MIN_STAMP_STEP = 1e-3  # seconds
 MAX_CATCH_UP = 25  # predictions for missed frames; more would only spread the particles further
-FIRST_FRAME_TIMEOUT = 10.0  # seconds after which a run of a number of frames ends without the first
 CAUSES = {  # of what the frames may contradict
     "velocity": "heading, compass, height, and the odometry's camera",
     "attitude": "the camera's mount, the autopilot's level, signs and order",
@@ -80,14 +82,12 @@ class Onboard:
         self._period = 1 / rate if rate else self._model_period
         self.aids = Aids(aiding, sinks)
         self._inspector = Inspector(localizer.map.image_shape)
-        self._stamps = StampKeeper(tally, clock)
         self._continuity = Continuity(localizer.growth, self._period)
         self.status = Status(tally, sinks, self.commander, warnings)
         self._model_time: float | None = None  # up to here the filter has been advanced
         self._observed_at = -np.inf
         self._fix: Fix | None = None
         self._number = 0
-        self._service = Service()
 
     def run(self, stop: threading.Event) -> dict[str, Any]:
         """Go on until the source ends, `frames` are done or `stop` is set; returns the summary.
@@ -95,8 +95,6 @@ class Onboard:
         Its ``left_out`` counts what outputs did not take.
         """
         feed = Grabber(self.source, self.tally)
-        began = self._clock()
-        self._service.say("READY=1")
         for guard in self.sinks:
             if guard.sink.autopilot:  # heartbeat, clock and origin do not wait for a frame
                 guard.event({"event": "start"})
@@ -110,7 +108,6 @@ class Onboard:
                 self._frames is None or self.tally["frames"] < self._frames
             ):
                 started = self._clock()
-                self._service.alive(started)
                 frame = feed.next(1.5 * self._period)
                 if frame is not None:
                     self._take(frame, feed)
@@ -118,12 +115,10 @@ class Onboard:
                     break
                 else:
                     self._bridge()
-                    self._give_up(began)
                 self._speak()
                 if self.source.live:
                     stop.wait(max(0.0, POLL_SHARE * self._period - (self._clock() - started)))
         finally:
-            self._service.say("STOPPING=1")
             feed.close()
             summary = self.status.summary()
             for guard in self._everything():
@@ -137,28 +132,20 @@ class Onboard:
         counts = {(each.sink.file or each.sink.name): each.left_out for each in self._everything()}
         return {name: count for name, count in counts.items() if count and name != "-"}
 
-    def _give_up(self, began: float) -> None:
-        """A run of so many frames must end, even where the camera never gives the first."""
-        if self._frames is not None and not self.tally["frames"]:
-            waited = self._clock() - began
-            if waited > FIRST_FRAME_TIMEOUT:
-                raise CameraLost(
-                    f"no frame in {waited:.0f} s, and {self._frames} are to be localized: "
-                    "check --camera"
-                )
-
     def _everything(self) -> list[Guard]:
         return self.sinks + ([self.log] if self.log is not None else [])
 
     def _take(self, frame: Frame, feed: Grabber) -> None:
         """Localize one frame."""
         arrived = self._clock()
-        stamp = self._stamps.keep(frame.time) if self.source.live else frame.time
-        if self.source.live and self._fix is not None:  # what was predicted may reach beyond it
-            stamp = max(stamp, self._fix.time + MIN_STAMP_STEP)
-        age = arrived - frame.time if self.source.live else 0.0
-        age = age if 0.0 <= age <= MAX_FRAME_AGE else 0.0  # of another clock: nobody knows
-        captured = arrived - age
+        stamp, captured = frame.time, arrived
+        if self.source.live:
+            if not -CLOCK_TOLERANCE <= arrived - stamp <= MAX_FRAME_AGE:
+                self.tally.count("clock")  # of another clock: nobody knows how old it is
+                stamp = arrived
+            captured = min(stamp, arrived)
+            if self._fix is not None:  # what was predicted may reach beyond it
+                stamp = max(stamp, self._fix.time + MIN_STAMP_STEP)
         self._number = self.tally["frames"] if frame.number is None else frame.number
         self.tally.count("frames")
         fault = "corrupt" if frame.picture is None else self._inspector.check(frame.picture)
@@ -267,7 +254,6 @@ class Onboard:
         if self.status.due(now):
             line = self.status.line(self._fix, now)
             say(line)
-            self._service.say(f"STATUS={line}")
             if self.log is not None:
                 self.log.event({"event": "status", "time_s": self._time(), "line": line})
 

@@ -1,15 +1,11 @@
-"""How the run stands: the status line once a second, the summary at the end, and what systemd is
-told where it started us."""
+"""How the run stands: the status line once a second, and the summary at the end."""
 
 from __future__ import annotations
 
-import os
 import resource
-import socket
 import sys
 from collections import deque
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +15,7 @@ from trexton.onboard.fix import Fix
 from trexton.onboard.sinks.base import Guard
 from trexton.onboard.tally import Tally
 
-__all__ = ["Service", "Status"]
+__all__ = ["Status"]
 
 LATENCIES = 65536  # that are kept, the latest ones
 
@@ -109,37 +105,3 @@ class Status:
             "memory_bytes": most * (1 if sys.platform == "darwin" else 1024),
             "faults": self._tally.faults,
         }
-
-
-class Service:
-    """What `sd_notify` says, and nothing where nobody listens; never fails, never waits.
-
-    The loop tells that it is alive from its own thread, so that a loop that hangs is found out and
-    the service is started again.
-
-    Parameters
-    ----------
-    environment : mapping
-        With ``NOTIFY_SOCKET`` and ``WATCHDOG_USEC`` where systemd set them.
-    """
-
-    def __init__(self, environment: Mapping[str, str] = os.environ):
-        self._address = environment.get("NOTIFY_SOCKET", "")
-        interval = environment.get("WATCHDOG_USEC", "")
-        self._pause = 1e-6 * int(interval) / 3 if interval.isdecimal() else float("inf")
-        self._next = float("-inf")
-
-    def say(self, words: str) -> None:
-        """As ``READY=1``, ``STOPPING=1``, or ``STATUS=`` for what ``systemctl status`` shows."""
-        if not self._address:
-            return
-        place = "\0" + self._address[1:] if self._address.startswith("@") else self._address
-        with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as wire:
-            wire.setblocking(False)
-            wire.sendto(words.encode(), place)
-
-    def alive(self, now: float) -> None:
-        """The loop has come round again; told three times in the watchdog's interval at most."""
-        if self._pause < float("inf") and now >= self._next:
-            self._next = now + self._pause
-            self.say("WATCHDOG=1")

@@ -13,10 +13,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from trexton.flights.aiding import Aiding
-from trexton.onboard.commander import CommandAck
-from trexton.onboard.local import LocalFrame
+from trexton.onboard.fix import LocalFrame
 from trexton.onboard.mavlink.messages import mavlink
-from trexton.onboard.mavlink.options import COMPONENT
+from trexton.onboard.settings import COMPONENT
 
 __all__ = ["Listener"]
 
@@ -69,7 +68,7 @@ class Listener:
         self.systems: set[int] = set()  # every vehicle whose autopilot was ever heard
         self.heard_at = -np.inf
         self.boots, self._awake_ms = 0, 0
-        self.answers: deque[CommandAck] = deque(maxlen=64)
+        self.answers: deque[int] = deque(maxlen=64)  # to landing commands
         self.news: deque[dict[str, Any]] = deque(maxlen=256)
         self.timesyncs: deque[Any] = deque(maxlen=16)
         self.origin: tuple[float, float] | None = None
@@ -235,7 +234,8 @@ class Listener:
         # Target 0 is everybody, or an autopilot of before targets were in the message.
         ours = (0, message.get_srcSystem())
         if message.target_system in ours and message.target_component in (0, self._component):
-            self.answers.append(CommandAck(message.command, message.result))
+            if message.command == mavlink.MAV_CMD_NAV_LAND:
+                self.answers.append(message.result)
             self.news.append(
                 {"event": "answer", "command": message.command, "result": message.result}
             )

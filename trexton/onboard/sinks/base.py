@@ -15,8 +15,7 @@ import numpy as np
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge
-from trexton.onboard.fix import Fix
-from trexton.onboard.local import LocalFrame
+from trexton.onboard.fix import Fix, LocalFrame
 from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
 

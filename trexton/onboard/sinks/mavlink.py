@@ -13,7 +13,7 @@ from trexton.base.errors import ParameterError
 from trexton.flights.aiding import Aiding
 from trexton.onboard.fix import Fix
 from trexton.onboard.mavlink.link import Link, make_link
-from trexton.onboard.mavlink.options import MavlinkOptions
+from trexton.onboard.settings import MavlinkOptions
 from trexton.onboard.sinks.base import Check, Sink, Surroundings, extra
 from trexton.onboard.tally import Tally
 
@@ -89,17 +89,15 @@ class MavlinkSink(Sink):
     def checks(self, now: float) -> Iterator[Check]:
         listener, options = self.speaker.listener, self._options
         heard = listener.present(now) and listener.certain
-        words = f"autopilot {listener.target[0]} heard" if listener.target else "no autopilot heard"
-        words += ", silent since" if listener.target and not listener.present(now) else ""
-        words += "" if listener.certain or not listener.target else ": several, give --target"
-        yield Check("link", heard, f"{self.name}: {words}")
+        yield Check("link", heard, f"{self.name}: {self._heard(now)}")
         place, wanted = listener.origin, options.place
-        words = f"{place[0]:.7f}, {place[1]:.7f}" if place else "not given: add --origin"
-        holds = place is not None if wanted is None else listener.confirms(wanted)
-        if wanted is not None and not holds:
-            words = f"given, and not confirmed: the autopilot has {words if place else 'none'}"
-        elif not place and options.autopilot != "ardupilot":
-            holds, words = True, words + " for modes that need a global position"
+        words = f"the autopilot has {place[0]:.7f}, {place[1]:.7f}" if place else "it has none"
+        if wanted is not None:
+            holds = listener.confirms(wanted)
+            words = words if holds else f"given, and not confirmed: {words}"
+        else:
+            holds = place is not None or options.autopilot != "ardupilot"
+            words = words if place else "not given: modes of a global position need --origin"
         yield Check("origin", holds, words)
         fused = listener.fused(now)
         words = {
@@ -140,7 +138,6 @@ class MavlinkSink(Sink):
             return self.speaker.listener.on_ground(self._clock())
 
     def phase(self) -> dict[str, object]:
-        """What tells a landing from any other flight: the autopilot's mode, what it says of it."""
         with self._lock:
             return self.speaker.listener.phase(self._clock())
 
@@ -153,18 +150,20 @@ class MavlinkSink(Sink):
             listener, now = self.speaker.listener, self._clock()
             if not self.connected:
                 return "no link"
-            if listener.target is None:
-                return "no autopilot heard"
-            if not listener.present(now):
-                return "autopilot silent"
             words = {None: "", True: ", has a position", False: ", HAS NO POSITION"}
             held = self.speaker.withheld
             return (
-                f"autopilot {listener.target[0]} heard"
-                + words[listener.fused(now)]
-                + ("" if listener.certain else ", SEVERAL VEHICLES: give --target")
+                self._heard(now)
+                + (words[listener.fused(now)] if listener.present(now) else "")
                 + (f", {held} withheld for want of attitude" if held else "")
             )
+
+    def _heard(self, now: float) -> str:
+        listener = self.speaker.listener
+        if listener.target is None:
+            return "no autopilot heard"
+        words = f"autopilot {listener.target[0]} {'heard' if listener.present(now) else 'silent'}"
+        return words + ("" if listener.certain else ", SEVERAL VEHICLES: give --target")
 
     def close(self) -> None:
         self._stop.set()

@@ -7,7 +7,6 @@ Adding a source is its file and its line here.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 from trexton.base.errors import ParameterError
@@ -53,18 +52,18 @@ def open_source(
         raise ParameterError(f"camera {address!r}: expected one line")
     try:
         addressed = edge_at("sources", address, SOURCES) if ":" in address else None
-        if addressed is None:
-            recognised = (e for e in edge_classes("sources", SOURCES) if e.matches(address))
-            addressed = next(((each, "", address) for each in recognised), None)
-        if addressed is None:
+        source, rest = (addressed[0], addressed[2]) if addressed else (None, address)
+        if source is None:
+            edges = edge_classes("sources", SOURCES)
+            source = next((each for each in edges if each.matches(address)), None)
+        if source is None:
             raise ParameterError(
                 f"camera {address!r} is not known: give /dev/videoN, a flight's folder, "
                 "a video file or URL, simulator, or KIND:ADDRESS with KIND one of "
                 + ", ".join(addresses("sources", SOURCES))
             )
-        source, kind, rest = addressed
         chosen = (options or {}).get(source.options, source.options())
-        made: Source = source.make(rest, chosen, replace(around, kind=kind))
+        made: Source = source.make(rest, chosen, around)
     except OSError as error:
         raise ParameterError(
             f"camera {address[:80]!r} cannot be read ({error.strerror or error}): check its path"

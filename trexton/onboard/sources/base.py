@@ -71,14 +71,11 @@ class Expected:
         Seconds from frame to frame where the source itself does not say.
     seed : int
         Of what is drawn.
-    kind : str
-        The word before the source's address; empty where none was typed.
     """
 
     shape: tuple[int, int] | None = None
     period_s: float = 0.08
     seed: int = 1
-    kind: str = ""
 
 
 class Source(Edge, ABC):
