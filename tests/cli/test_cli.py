@@ -83,7 +83,7 @@ def run(
 
 
 def test_version_and_help_load_none_of_the_heavy_packages():
-    heavy = "'numpy', 'cv2', 'numba', 'pandas', 'matplotlib', 'scipy', 'nbclient'"
+    heavy = "'numpy', 'cv2', 'numba', 'pandas', 'matplotlib', 'scipy', 'papermill'"
     code = (
         "from trexton.cli.main import main\n"
         "try: main(['--help'])\nexcept SystemExit: pass\n"

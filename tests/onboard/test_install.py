@@ -27,7 +27,7 @@ HEAVY = (
     "ipykernel",
     "jupyter_core",
     "nbformat",
-    "nbclient",
+    "papermill",
     "sklearn",
     "pooch",
     "tqdm",

@@ -117,20 +117,20 @@ def test_what_is_kept_with_the_code_is_found_and_what_is_not_is_none():
 
 
 def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):
-    """As a person runs it in a folder of their own, with parameters in a cell below the others."""
+    """Papermill, as a person runs it in a folder of their own; parameters as papermill has them."""
     import jupytext
-    from nbformat.v4 import new_code_cell
 
     write_flight(small_flight(), tmp_path / "room")
-    mine = jupytext.read(ROOT / "notebooks" / "mocap_training.md")
-    settings = "repeats, particles, neighbors = 1, 5, 2"
-    given = f'flight, test_flight, out = "room", None, "results"\n{settings}'
-    mine.cells.insert(2, new_code_cell(given))
-    jupytext.write(mine, tmp_path / "mine.ipynb")
-    command = [sys.executable, "-m", "jupyter", "execute", "mine.ipynb"]
+    jupytext.write(jupytext.read(ROOT / "notebooks" / "mocap_training.md"), tmp_path / "mine.ipynb")
+    given = ["-p", "flight", "room", "-r", "test_flight", "None", "-p", "out", "results"]
+    given[3:6] = ["-y", "test_flight: null"]
+    command = [sys.executable, "-m", "papermill", "mine.ipynb", "done.ipynb", "-k", "python3"]
+    settings = ["-p", "repeats", "1", "-p", "particles", "5", "-p", "neighbors", "2"]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "TREXTON_CACHE": str(tmp_path / "cache")}
     before = {path: path.stat().st_mtime_ns for path in (ROOT / "results").rglob("*")}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    done = subprocess.run(
+        [*command, *given, *settings], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     assert (tmp_path / "results" / "small" / "mocap_training.json").is_file()
     assert before == {path: path.stat().st_mtime_ns for path in (ROOT / "results").rglob("*")}

@@ -7,6 +7,7 @@ comes out is plain data.
 from __future__ import annotations
 
 import json
+import logging
 import os
 import re
 import tempfile
@@ -94,7 +95,7 @@ def execute(job: Job, report: Callable[[int, int], None] = lambda done, total: N
         for path, content in job.records.items():
             (out / path).parent.mkdir(parents=True, exist_ok=True)
             (out / path).write_bytes(content)
-        notebook, error = _run(job, str(out), report)
+        notebook, error = _papermill(job, Path(name), str(out), report)
         text = None if notebook is None else _cleaned(notebook, job.parameters, str(out)).encode()
         if error:
             return Done(error=error.replace(str(out), str(job.parameters["out"])), partial=text)
@@ -109,72 +110,92 @@ def execute(job: Job, report: Callable[[int, int], None] = lambda done, total: N
     return Done(files | {f"{job.name}.ipynb": text or b""})
 
 
-def _run(job: Job, out: str, report: Callable[[int, int], None]) -> tuple[Any, str | None]:
+def _papermill(
+    job: Job, folder: Path, out: str, report: Callable[[int, int], None]
+) -> tuple[Any, str | None]:
     """The notebook as far as it was executed, and a sentence where that failed."""
     import jupytext
-    from nbclient import NotebookClient
-    from nbclient.exceptions import CellExecutionError
+    import nbformat
+    import papermill
+    from papermill.exceptions import PapermillExecutionError
 
-    notebook: Any = None
-    at, given = 0, -1
-
-    def started(cell: Any, cell_index: int) -> None:
-        nonlocal at
-        at = cell_index
-        report(at, len(notebook.cells))
-
+    original, executed, error, given = folder / "given.ipynb", folder / "run.ipynb", None, -1
     try:
         notebook = jupytext.reads(job.text, fmt="md:myst")
-        given = _inject(notebook, {**job.parameters, "out": out})
-        client = NotebookClient(
-            notebook, kernel_name="python3", record_timing=False, raise_on_iopub_timeout=True,
-            on_cell_start=started,
+        tags = [cell.metadata.get("tags", []) for cell in notebook.cells]
+        given = next((at for at, each in enumerate(tags) if "parameters" in each), given)
+        jupytext.write(notebook, original)
+        _register_engine()
+        logging.getLogger("papermill").setLevel(logging.ERROR)  # parameters need no default
+        papermill.execute_notebook(
+            original, executed, parameters={**job.parameters, "out": out}, engine_name="trexton",
+            kernel_name="python3", progress_bar=False, job=job, report=report,
         )  # fmt: skip
-        manager = client.create_kernel_manager()
-        _kernels.add(manager)
-        try:
-            client.execute(env=job.environment(), cwd=job.folder, stderr=DEVNULL)
-        finally:
-            _kernels.discard(manager)
-    except CellExecutionError as fault:
-        source = notebook.cells[at].source
-        first = next((line for line in source.splitlines() if line.strip()), "")
+    except PapermillExecutionError as fault:
+        # Counted as in the source: papermill put a cell of its own in after number `given`.
+        number = fault.cell_index + (fault.cell_index <= given)
+        first = next((line for line in fault.source.splitlines() if line.strip()), "")
         message = _ANSI.sub("", fault.evalue).strip() or "no message"
-        # Counted as in the source, which has no cell after number `given`.
-        where = f"{job.source}, cell {at + (at <= given)} ({first.strip()!r} ...)"
-        return notebook, f"{where}: {fault.ename}: {message}"
+        where = f"{job.source}, cell {number} ({first.strip()!r} ...)"
+        error = f"{where}: {fault.ename}: {message}"
     except Exception as fault:  # a kernel that died, a notebook that cannot be read: others go on
-        return notebook, f"{job.source}: {type(fault).__name__}: {fault}"
-    return notebook, None
+        error = f"{job.source}: {type(fault).__name__}: {fault}"
+    return nbformat.read(executed, as_version=4) if executed.exists() else None, error
 
 
-def _inject(notebook: Any, parameters: Mapping[str, Any]) -> int:
-    """Set parameters in a cell of their own behind that of the defaults, of which the number is
-    returned. It is shown or hidden like them.
-    """
-    from nbformat.v4 import new_code_cell
+def _register_engine() -> None:
+    from papermill.clientwrap import PapermillNotebookClient
+    from papermill.engines import Engine, papermill_engines
 
-    tags = [cell.metadata.get("tags", []) for cell in notebook.cells]
-    given = next((at for at, each in enumerate(tags) if "parameters" in each), -1)
-    shown = [] if given < 0 else [tag for tag in tags[given] if tag != "parameters"]
-    lines = ["# Parameters", *(f"{name} = {value!r}" for name, value in parameters.items())]
-    cell = new_code_cell("\n".join(lines), metadata={"tags": ["injected-parameters", *shown]})
-    notebook.cells.insert(given + 1, cell)
-    return given
+    class KernelEngine(Engine):  # type: ignore[misc]
+        """Papermill's own engine, with an environment, a word before each cell, and an end."""
+
+        @classmethod
+        def execute_managed_notebook(
+            cls, nb_man: Any, kernel_name: str, *, job: Job, report: Callable[[int, int], None],
+            **options: Any,
+        ) -> None:  # fmt: skip
+            start = nb_man.cell_start
+
+            def cell_start(cell: Any, cell_index: int | None = None, **others: Any) -> None:
+                report(cell_index or 0, len(nb_man.nb.cells))
+                start(cell, cell_index, **others)
+
+            nb_man.cell_start = cell_start
+            client = PapermillNotebookClient(nb_man, kernel_name=kernel_name)
+            manager = client.create_kernel_manager()
+            _kernels.add(manager)
+            try:
+                client.execute(env=job.environment(), cwd=job.folder, stderr=DEVNULL)
+            finally:
+                _kernels.discard(manager)
+
+    papermill_engines.register("trexton", KernelEngine)
 
 
 def _cleaned(notebook: Any, parameters: Mapping[str, Any], work: str) -> str:
-    """The executed notebook without what depends on this machine or its clock; it names the folder
-    that a reader asked for instead of the one that was worked in.
+    """The executed notebook without what depends on this machine or its clock.
+
+    The injected parameters are shown or hidden like the defaults that they replace, and name the
+    folder that a reader asked for instead of the one that was worked in.
     """
     import nbformat
+    from papermill.translators import PythonTranslator
 
+    notebook.metadata.pop("papermill", None)
     notebook.metadata.get("jupytext", {}).pop("text_representation", None)
     notebook.metadata["trexton"] = {"parameters": dict(parameters)}
+    tags: list[str] = []
     for number, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{number}"  # else drawn anew at each run
+        cell.metadata.pop("execution", None)
+        own = cell.metadata.get("tags", [])
+        if "parameters" in own:
+            tags = [tag for tag in own if tag != "parameters"]
+        elif "injected-parameters" in own:
+            cell.metadata["tags"] = ["injected-parameters", *tags]
     text, shown = str(nbformat.writes(notebook)), str(parameters["out"])
-    for written in (str, repr):  # by a cell, and into the one that sets it
+    for written in (str, PythonTranslator.translate):  # by a cell, and by papermill into one
         old, new = (json.dumps(written(each), ensure_ascii=False)[1:-1] for each in (work, shown))
         text = text.replace(old, new)
     return text + "\n"
