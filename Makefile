@@ -81,7 +81,7 @@ full: env  ## the long sweeps of data/sweeps, coarse to fine, landings, aiding a
 	  $(BIN)/trexton sweep $$plan --out results/sweeps/$$name $(ARGS) \
 	    && cp results/sweeps/$$name/sweep.json data/reference/sweep-$$name.json || exit 1; done
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only fine --out results/full \
-	  --set floors=10 frames=2525 training=250 kidnappings=200 peer_frames=10
+	  --set floors=10 frames=2525 training=250 kidnappings=200
 	cp results/full/sim-survey/fine.json data/reference/fine.json
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only touchdown \
 	  --out results/full --set floors=10 flights=20

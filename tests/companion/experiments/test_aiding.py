@@ -12,7 +12,7 @@ from trexton.base.errors import ParameterError
 from trexton.companion.experiments import aiding
 from trexton.companion.experiments.floors import mean_over_floors
 
-CHOSEN = {"survey": 60, "frames": 24, "textons": 6, "samples": 100, "velocity_cm_s": 0.0}
+CHOSEN = {"survey": 60, "frames": 24, "textons": 6, "samples": 100}
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +36,8 @@ def test_the_record_compares_all_with_the_frame_alone(record):
             assert gain["value"] == pytest.approx(saved)
             assert gain["low"] <= gain["value"] <= gain["high"]
     assert values["frames"] == 24 and values["floors"] == 1
-    assert set(values["velocity_bias_rate"]) == set(values["held"]) == {"velocity", "turned"}
+    assert set(values["held"]) == {"velocity", "turned"}
     assert all(0 <= share["value"] <= 1 for share in values["held"].values())
-    assert 5 < values["ripple_cm"] < 20 and 0 < values["beside_cm"] < 20
 
 
 def test_finding_table_and_figure_say_what_the_record_holds(record):

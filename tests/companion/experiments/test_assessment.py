@@ -19,8 +19,6 @@ from trexton.companion.experiments.assessment import (
     run,
 )
 from trexton.companion.experiments.style import COLORS
-from trexton.simulator import record_flight
-from trexton.vision.camera import Camera
 
 
 @pytest.fixture(scope="module")
@@ -86,26 +84,6 @@ def test_a_filter_worse_than_its_neighbours_or_the_centre_is_named(record):
     assert "always guessing the centre: do not fly it" in said(centre + 1)[0]
 
 
-def test_odometry_is_tried_where_the_flight_has_pictures_and_their_height(record, tmp_path):
-    assert "odometry" not in record.values  # histograms show no motion
-    camera = Camera(128, 96, 104.0)
-    survey, later = (
-        record_flight(tmp_path / name, pattern=name, frames=60, camera=camera, seed=seed)
-        for seed, name in enumerate(("survey", "waypoints"))
-    )
-    chosen = Parameters(methods="field", textons=8, samples=50)
-    flown = run(survey, later, chosen)
-    error = flown.values["odometry"]["error_cm"]
-    assert error["low"] < error["value"] < error["high"]
-    alone = flown.values["errors"]["field"]["mean_cm"]["value"]
-    for high, word in ((0.5 * alone, "train with `--set odometry=visual`"), (2 * alone, "no gain")):
-        moving = {"method": "field", "error_cm": error | {"high": high}}
-        other = replace(flown, values=flown.values | {"odometry": moving})
-        assert any("motion of the frames" in said and word in said for said in advice(other))
-    for lacking in ({"camera": None}, {"height": None}):
-        assert "odometry" not in run(replace(survey, **lacking), later, chosen).values
-
-
 def test_the_commands_carry_the_settings_that_were_flown(record):
     said = advice(record)[-1]
     assert "--textons" not in said  # histograms have no patches to draw
@@ -113,7 +91,6 @@ def test_the_commands_carry_the_settings_that_were_flown(record):
     limits = record.values["limits"] | {"blurred": 0.0}
     pictures = replace(record, values=record.values | {"limits": limits})
     said = advice(pictures)[-1]
-    assert " with 20 textons, 400 samples" in said
     assert f"--textons 20`, then `trexton onboard {pictures.flight}.npz --samples 400" in said
     assert "looks for better settings." in advice(pictures)[-2]
 
@@ -145,19 +122,10 @@ def test_the_judgement_follows_the_best_method(record):
     assert judged(0.4 * centre).startswith("It works here")
     assert judged(0.6 * centre).startswith("It works poorly here")
     assert judged(1.1 * centre).startswith("It will not work here")
-    assert "as far as the plain mean of its neighbours" in judged(1.1 * centre)
     assert "`trexton train 'my flights/room' -o loop.npz" in judged(0.4 * centre)
     for hopeless in (1.1 * centre, 0.99 * record.values["errors"]["centre"]["mean_cm"]["high"]):
         assert "No method is worth flying here" in judged(hopeless)
         assert "trexton train" not in judged(hopeless)
-
-
-def test_a_hard_place_is_harder_than_the_others(record):
-    predicted = {"method": "field", "error_cm": 20.0}
-    places = [{"x_m": 1.0, "y_m": y, "predicted_cm": cm} for y, cm in ((1.0, 19.0), (2.0, 30.0))]
-    values = record.values | {"predicted": predicted, "hardest": places}
-    hard = [said for said in advice(replace(record, values=values)) if "Hard place" in said]
-    assert len(hard) == 1 and "y = 200 cm" in hard[0] and "20 cm on average" in hard[0]
 
 
 def test_places_that_were_never_flown_are_named():
@@ -189,18 +157,6 @@ def test_fields_of_hundreds_of_metres_read_in_metres():
         assert len(set(re.findall(r"\d\]? (m|cm)\b", words))) == 1
 
 
-def test_the_part_of_the_floor_where_it_fails_is_named(record):
-    truth = np.array(record.series["truth_m"])
-    corner = (truth > 1.3 / 3).all(axis=1)  # of an area from -1.3 to 1.3, in three parts a side
-    wrong = truth + np.where(corner, 3.0, 0.1)[:, None]
-    errors = record.values["errors"]
-    best = min(("paper", "field"), key=lambda name: errors[name]["mean_cm"]["value"])
-    other = replace(record, series=record.series | {f"{best}_m": wrong.tolist()})
-    (said,) = [line for line in advice(other) if line.startswith("It fails most between")]
-    assert "off by 424 cm on average" in said
-    assert "x = 43.3 cm and 130 cm, y = 43.3 cm and 130 cm" in said
-
-
 def test_the_report_plays_the_flight_where_there_is_a_player(record, tmp_path):
     page = write_report(record, tmp_path / "report.html", "room/mocap_training-player.html")
     assert '<iframe src="room/mocap_training-player.html"' in page.read_text()
@@ -215,7 +171,7 @@ def test_the_report_is_one_file_that_fetches_nothing(record, tmp_path):
     assert "always the centre" in text and "<code>field</code>" in text
 
 
-def test_the_page_has_a_verdict_where_what_and_two_commands(record, tmp_path):
+def test_the_page_has_a_verdict_what_limits_it_and_two_commands(record, tmp_path):
     limits = record.values["limits"] | {"blurred": 0.0}
     pictures = replace(record, values=record.values | {"limits": limits})
     text = write_report(pictures, tmp_path / "report.html", flight="my flights/hall").read_text()

@@ -59,7 +59,6 @@ def _page(record: Record, player: str, flight: str) -> str:
             sections=[
                 (title, list(map(as_html, sentences)))
                 for title, sentences in (
-                    ("Where it fails", advice.where_it_fails(record)),
                     ("What limits it", advice.what_limits(record)),
                     ("What to do next", advice.what_next(record, flight)),
                 )

@@ -28,10 +28,6 @@ BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
 SHARPNESS_FRAMES = 200  # are enough to estimate the share
 STRETCH_S = 5.0  # of a survey: every other one makes half of it
 HELPS = 0.8  # of the error with half of the survey: where the whole errs less, more of it helps
-PARTS, FEWEST_THERE = (
-    3,
-    5,
-)  # of the floor along each side, and test frames that say something of one
 NO_CAMERA = "for histograms alone; a camera needs a training flight of pictures"
 DENSE = "a denser survey would bring little"
 
@@ -88,51 +84,19 @@ def least_error_cm(record: Record) -> float:
 
 
 def advice(record: Record, flight: str | None = None) -> list[str]:
-    """Where it fails, what limits it and what to do, a sentence each; `flight` is the folder for
+    """What limits it and what to do, a sentence each; `flight` is the folder for
     the commands.
     """
     train, fly = commands(record, flight)
-    sentences = [*where_it_fails(record), *what_limits(record), *what_next(record, flight)]
+    sentences = [*what_limits(record), *what_next(record, flight)]
     if train:
         best, _ = best_method(record)
         seconds = record.timings[best]["median_s"]
         after = f", then `{fly}`." if fly else f" makes its map, {NO_CAMERA}."
         sentences.append(
-            f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{_drawn(record)}: "
-            f"`{train}`{after}"
+            f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame: `{train}`{after}"
         )
     return sentences
-
-
-def where_it_fails(record: Record) -> Iterator[str]:
-    """The part of the floor where the best method errs most, and the places that are hard."""
-    say, (best, error) = lengths(record), best_method(record)
-    truth = np.array(record.series["truth_m"], dtype=float)
-    off = 100 * euclidean(np.array(record.series[f"{best}_m"], dtype=float), truth)
-    low, high = np.reshape(record.series["area_m"], (2, 2)).T
-    cell = np.clip((truth - low) / (high - low) * PARTS, 0, PARTS - 1).astype(int)
-    cells, inverse = np.unique(cell, axis=0, return_inverse=True)
-    count = np.bincount(inverse.ravel())
-    mean = np.bincount(inverse.ravel(), off) / count
-    well = count >= max(FEWEST_THERE, 0.02 * len(off))
-    worst = int(np.where(well, mean, 0).argmax())
-    if well.any() and mean[worst] > 1.3 * middle(error):
-        begin = low + cells[worst] * (high - low) / PARTS
-        (x, y), (right, top) = 100 * begin, 100 * (begin + (high - low) / PARTS)
-        yield (
-            f"It fails most between x = {say(x)} and {say(right)}, y = {say(y)} and {say(top)}: "
-            f"there `{best}` is off by {say(mean[worst])} on average, over {count[worst]} "
-            f"frames of the test, against {say(middle(error))} over all."
-        )
-    if not (predicted := record.values.get("predicted")):
-        return
-    for place in record.values.get("hardest", []):
-        if place["predicted_cm"] > predicted["error_cm"]:  # no harder than the others otherwise
-            yield (
-                f"Hard place: at x = {say(100 * place['x_m'])}, y = {say(100 * place['y_m'])} the "
-                f"predicted mean error of `{predicted['method']}` is {say(place['predicted_cm'])}, "
-                f"where it is {say(predicted['error_cm'])} on average."
-            )
 
 
 def what_limits(record: Record) -> Iterator[str]:
@@ -179,7 +143,7 @@ def what_limits(record: Record) -> Iterator[str]:
 
 
 def what_next(record: Record, flight: str | None = None) -> Iterator[str]:
-    """Whether more of the survey or odometry would help, and what to try where nothing works."""
+    """Whether more of the survey would help, and what to try where nothing works."""
     say, values = lengths(record), record.values
     if half := values.get("half"):
         whole = middle(values["errors"][half["method"]]["mean_cm"])
@@ -188,18 +152,6 @@ def what_next(record: Record, flight: str | None = None) -> Iterator[str]:
             f"With every other {half.get('stretch_s', STRETCH_S):.0f} s of the survey the error of "
             f"`{half['method']}` is {say(half['error_cm'])}, with all of it {say(whole)}: "
             f"{'lanes between these should help again' if helps else DENSE}."
-        )
-    if moving := values.get("odometry"):
-        alone = middle(values["errors"][moving["method"]]["mean_cm"])
-        gains = moving["error_cm"]["high"] < alone
-        yield (
-            f"With a velocity from the motion of the frames themselves the error of "
-            f"`{moving['method']}` is {say(moving['error_cm'])}"
-            + (
-                ": train with `--set odometry=visual`."
-                if gains
-                else f", which is no gain over {say(alone)} beyond chance."
-            )
         )
     if is_useful(record):
         yield f"`trexton tune {shlex.quote(flight or record.flight)}` looks for better settings."
@@ -221,12 +173,3 @@ def commands(record: Record, flight: str | None = None) -> tuple[str, str]:
     fly += f" --samples {chosen['samples']}"
     fly += f" --particles {chosen['particles']}" if best == "paper" else ""
     return f"{train} --textons {chosen['textons']}", fly
-
-
-def _drawn(record: Record) -> str:
-    """What the best method draws of each frame."""
-    chosen, names = record.parameters, []
-    if "blurred" in record.values["limits"]:
-        names += ["textons", "samples"]
-    names += ["particles"] * (best_method(record)[0] == "paper")
-    return f" with {', '.join(f'{chosen[name]} {name}' for name in names)}" if names else ""

@@ -6,10 +6,9 @@ later one is localized with ever more of what an autopilot measures beside its f
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -57,6 +56,13 @@ METHODS = {
 }
 LABELS = {"paper": "the paper's filter", "field": "field"}
 FIRST_FLOOR = 500  # seed of the first painted floor; no setting was chosen on these
+CELLS = 2  # parts of the image a side
+RIPPLE = 0.1  # standard deviation of the height in metres
+# Noise of the attitude in degrees, of the height and the velocity along each axis in metres.
+ATTITUDE_DEG, HEIGHT_M, VELOCITY_M_S = 0.3, 0.01, 0.05
+COMPASS_DEG = 20.0  # by which a wrong compass turns the velocity
+# By method and aiding the later flight over one floor, and its (N, 2) true positions.
+_Over = tuple[dict[str, dict[str, Track]], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -65,25 +71,8 @@ class Parameters(FloorParameters):
 
     survey: int = option(400, "frames of the survey, every other one", low=20)
     frames: int = option(150, "of the later flight, every other one", low=20)
-    ripple: float = option(0.1, "standard deviation of the height in metres", low=0, high=0.2)
     textons: int = option(TEXTONS, "textons of the dictionary, K", low=2, high=MAX_TEXTONS)
-    cells: int = option(2, "parts of the image a side", low=1, high=8)
     samples: int = option(SAMPLES, "patches drawn from an image", low=1)
-    attitude_deg: float = option(0.3, "noise of the attitude in degrees", low=0)
-    height_cm: float = option(1.0, "noise of the height in centimetres", low=0)
-    velocity_cm_s: float = option(5.0, "noise of the velocity along each axis", low=0)
-    compass_deg: float = option(
-        20.0, "by which a wrong compass turns the velocity", low=-180, high=180
-    )
-
-
-class _Over(NamedTuple):
-    """The later flight over one floor."""
-
-    flown: dict[str, dict[str, Track]]  # by method and aiding
-    truth: np.ndarray  # (N, 2) metres
-    beside: np.ndarray  # (N,) metres from below the vehicle to the middle of its picture
-    ripple: float  # metres, of the height as it was flown
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -94,7 +83,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     rng = stream(parameters.seed, "intervals")
     errors = {
         method: {
-            aid: np.stack([each.flown[method][aid].errors(each.truth) for each in over])
+            aid: np.stack([flown[method][aid].errors(truth) for flown, truth in over])
             for aid in asked
         }
         for method, asked in METHODS.items()
@@ -115,24 +104,12 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         },
     }
     # Of the field, where it had a velocity: shares of frames.
-    shares: dict[str, Callable[[Track, np.ndarray], np.ndarray]] = {
-        "velocity_bias_rate": lambda run, _: run.velocity_biased,
-        "held": lambda run, truth: run.held(truth),
-    }
-    for name, share in shares.items():
-        values[name] = {
-            aid: mean_over_floors(
-                np.stack([share(each.flown["field"][aid], each.truth) for each in over]),
-                rng, highest=1.0,
-            )
-            for aid in ("velocity", "turned")
-        }  # fmt: skip
-    values |= {
-        "beside_cm": 100 * float(np.mean([each.beside.mean() for each in over])),
-        "ripple_cm": 100 * float(np.mean([each.ripple for each in over])),
-        "floors": len(over),
-        "frames": int(errors["field"]["nothing"].size),
-    }
+    values["held"] = {
+        aid: {"value": float(np.mean([flown["field"][aid].held(truth).mean()
+                                      for flown, truth in over]))}
+        for aid in ("velocity", "turned")
+    }  # fmt: skip
+    values |= {"floors": len(over), "frames": int(errors["field"]["nothing"].size)}
     return parameters.record(train, values=values)
 
 
@@ -140,18 +117,16 @@ def _over(parameters: Parameters, seed: int, floor: Floor, camera: Camera, heigh
     """Survey a floor, fly over it later, and localize that flight with all that is compared."""
     common: dict[str, Any] = {
         "floor": floor, "camera": camera, "height": height, "every": 2,
-        "effects": Effects(height_ripple=parameters.ripple),
+        "effects": Effects(height_ripple=RIPPLE),
     }  # fmt: skip
     with scratch_folder("aiding") as folder:
         survey = record_flight(folder / "survey", frames=parameters.survey, seed=seed, **common)
         later = record_flight(
             folder / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1, **common
         )
-        maps = _maps(_measured(survey, parameters, seed), parameters)
+        maps = _maps(_measured(survey, seed), parameters)
         frames = frames_of(later)
-    right, turned = (
-        _aiding(later, parameters, seed, np.radians(off)) for off in (0.0, parameters.compass_deg)
-    )
+    right, turned = (_aiding(later, seed, np.radians(off)) for off in (0.0, COMPASS_DEG))
 
     def flown(method: str, aid: str) -> Track:
         _, view, names = AIDINGS[aid]
@@ -165,9 +140,7 @@ def _over(parameters: Parameters, seed: int, floor: Floor, camera: Camera, heigh
     compared = {
         method: {aid: flown(method, aid) for aid in asked} for method, asked in METHODS.items()
     }
-    assert later.attitude is not None and later.height is not None
-    beside = later.height * np.tan(np.hypot(*later.attitude[:, :2].T))
-    return _Over(compared, later.position, beside, float(later.height.std()))
+    return compared, later.position
 
 
 def _maps(survey: Flight, parameters: Parameters) -> dict[tuple[str | None, str], TextonMap]:
@@ -176,7 +149,7 @@ def _maps(survey: Flight, parameters: Parameters) -> dict[tuple[str | None, str]
     for view in dict.fromkeys(view for _, view, _ in AIDINGS.values()):
         choices: dict[str, Any] = {} if view is None else {"view": view}
         base = train_map(
-            survey, n_textons=parameters.textons, cells=parameters.cells,
+            survey, n_textons=parameters.textons, cells=CELLS,
             rng=stream(parameters.seed, "training"), **choices,
         )  # fmt: skip
         for method in METHODS:
@@ -185,22 +158,22 @@ def _maps(survey: Flight, parameters: Parameters) -> dict[tuple[str | None, str]
     return maps
 
 
-def _measured(flight: Flight, parameters: Parameters, seed: int) -> Flight:
+def _measured(flight: Flight, seed: int) -> Flight:
     """The flight with attitude and height as an autopilot measures them."""
     assert flight.attitude is not None and flight.height is not None
     rng = stream(seed, "autopilot", 0)
-    attitude = np.radians(parameters.attitude_deg) * rng.standard_normal(flight.attitude.shape)
-    height = parameters.height_cm / 100 * rng.standard_normal(len(flight))
+    attitude = np.radians(ATTITUDE_DEG) * rng.standard_normal(flight.attitude.shape)
+    height = HEIGHT_M * rng.standard_normal(len(flight))
     return replace(flight, attitude=flight.attitude + attitude, height=flight.height + height)
 
 
-def _aiding(later: Flight, parameters: Parameters, seed: int, off: float) -> list[Aiding]:
+def _aiding(later: Flight, seed: int, off: float) -> list[Aiding]:
     """All that an autopilot measures beside each frame, its compass `off` by so many radians."""
     noise = stream(seed, "autopilot", 1).standard_normal((len(later), 2))
     velocity = np.gradient(later.position, later.time, axis=0)
-    velocity += parameters.velocity_cm_s / 100 * noise
+    velocity += VELOCITY_M_S * noise
     turn = np.array([[np.cos(off), np.sin(off)], [-np.sin(off), np.cos(off)]])
-    measured = _measured(later, parameters, seed + 1)
+    measured = _measured(later, seed + 1)
     return [
         replace(measured.aiding(row), velocity=each, velocity_time=float(later.time[row]))
         for row, each in enumerate(velocity @ turn)
@@ -220,7 +193,7 @@ def finding(record: Record) -> str:
     return (
         f"By the frame alone the mean error of method field is {distance(field['nothing'])}. A "
         f"velocity brings {error('velocity')}, and one that a compass turns by "
-        f"{number(abs(record.parameters['compass_deg']))} degrees {error('turned')}. Attitude and "
+        f"{number(COMPASS_DEG)} degrees {error('turned')}. Attitude and "
         f"height, by which frames are counted as seen from straight above, bring {error('view')}."
     )
 

@@ -41,11 +41,10 @@ from trexton.companion.experiments.style import (
     show_floor,
 )
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import middle, times
+from trexton.companion.wording import middle
 from trexton.evaluation.metrics import (
     constant_guess,
     euclidean,
-    mean_with_interval,
     shuffled_neighbors,
     summarize,
 )
@@ -53,11 +52,9 @@ from trexton.evaluation.runtime import of_frames
 from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.methods import compose, make
+from trexton.localization.methods import compose
 from trexton.localization.training import for_method, train_map, with_parts
 
-PLACES = 3  # hardest places that are named
-APART = 0.15  # of the area's diagonal, between hardest places
 FEWEST = 20  # frames that make half a survey
 
 
@@ -109,7 +106,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         },
         "limits": limits(base, train, test),
         "counts": {"train": len(base.positions), "test": int(known.sum())},
-        "features": train.features,
     }
     series: dict[str, Any] = {
         "area_m": train.area,
@@ -124,33 +120,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         predict = field_map.parts["measurement"].predicted_error
         error = 100 * float(predict(test.position[known]).mean())
         values["predicted"] = {"method": field_map.method, "error_cm": error}
-        series["predicted"], values["hardest"] = _predicted(predict, train)
+        series["predicted"] = _predicted(predict, train)
         if halves:
             off = euclidean(np.array(halves)[:, known], test.position[known])
             error = 100 * float(off.mean())
             values["half"] = {"method": field_map.method, "error_cm": error}
             values["half"]["stretch_s"] = stretch_s(field_map.time)
-        if moving := _with_odometry(field_map, located, parameters):
-            track = fly(moving, frames)
-            timings["odometry"] = of_frames(track.step_s, "_s")
-            off = 100 * track.errors(test.position)[known]
-            error_cm = mean_with_interval(off[None], rng)
-            values["odometry"] = {"method": field_map.method, "error_cm": error_cm}
     floor, pictures = floor_picture(train)
     return parameters.record(
         train, test, values=values, series=series | floor, images=pictures, timings=timings
     )
-
-
-def _with_odometry(
-    texton_map: TextonMap, flight: Flight, parameters: Parameters
-) -> Localizer | None:
-    """One that sees how the frames move, where the training flight has what that takes."""
-    try:
-        seeing = with_parts(texton_map, {"odometry": make("odometry", "visual")}, flight=flight)
-    except TrextonError:
-        return None
-    return _localizer(seeing, parameters)
 
 
 def _with_half(
@@ -184,33 +163,21 @@ def _localizer(texton_map: TextonMap, parameters: Parameters) -> Localizer:
     )
 
 
-def _predicted(predict: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[str, float]]]:
-    """The predicted error over the floor, and its hardest places near where was flown."""
+def _predicted(predict: Any, flight: Flight) -> dict[str, Any]:
+    """The predicted error over the floor, near where was flown."""
     sides = np.diff(np.reshape(flight.area, (2, 2)), axis=1)
     places, shape = grid_cells(flight.area, round(sides.prod() / (flight.diagonal / 70) ** 2))
-    error = predict(places)
     known = flight.position[flight.located]
     apart = np.array([euclidean(known, place).min() for place in places])
-    near = apart < flight.diagonal / 10
-    flown = apart < flight.diagonal / 40
-    hardest: list[np.ndarray] = []
-    for place in places[np.argsort(-np.where(flown, error, -np.inf))][: np.count_nonzero(flown)]:
-        if len(hardest) < PLACES and all(euclidean(place, other) > APART * flight.diagonal
-                                         for other in hardest):  # fmt: skip
-            hardest.append(place)
-    named = [
-        {"x_m": place[0], "y_m": place[1], "predicted_cm": 100 * float(predict(place[None])[0])}
-        for place in hardest
-    ]
-    heat = np.where(near, error, np.nan).reshape(shape).T
-    return {"error_m": heat.round(4), "extent_m": flight.area}, named
+    heat = np.where(apart < flight.diagonal / 10, predict(places), np.nan).reshape(shape).T
+    return {"error_m": heat.round(4), "extent_m": flight.area}
 
 
 def finding(record: Record) -> str:
     """A few sentences: will it work here?"""
     say, (best, error) = lengths(record), best_method(record)
     errors = record.values["errors"]
-    centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
+    centre = middle(errors["centre"]["mean_cm"])
     if not is_useful(record):
         judgement = (
             "It will not work here, for no method is clearly better than always guessing the centre"
@@ -219,16 +186,11 @@ def finding(record: Record) -> str:
         judgement = "It works poorly here"
     else:
         judgement = "It works here"
-    text = (
+    return (
         f"{judgement}. The mean error of the method `{best}` is {say(error)}, against "
         f"{say(centre)} for always guessing the centre. 95 % of its frames are off by less "
         f"than {say(middle(errors[best]['p95_cm']))}."
     )
-    paper = errors.get("paper")
-    if paper and middle(paper["mean_cm"]) > 1.1 * knn:
-        ratio = times(middle(paper["mean_cm"]) / knn)
-        text += f" The paper's filter is off {ratio} as far as the plain mean of its neighbours."
-    return text
 
 
 # name: what it is called, and its colour
@@ -242,11 +204,6 @@ LABELS = {
 }
 
 
-def _unit(record: Record) -> tuple[str, float]:
-    """The unit of lengths, and how many of it a metre has: as in the record's words."""
-    return length_unit(least_error_cm(record) / 100)
-
-
 def over_the_floor(record: Record) -> Figure:
     """The truth, and the best method's estimates joined to it, over the predicted error."""
     series, best = record.series, best_method(record)[0]
@@ -254,11 +211,8 @@ def over_the_floor(record: Record) -> Figure:
     label, color = LABELS[best]
     with canvas(size=(6.2, 5.2)) as (figure, axes):
         plan = axes[0, 0]
-        unit, scale = _unit(record)
+        unit, scale = length_unit(least_error_cm(record) / 100)
         floor_axes(plan, series["area_m"])
-        plan.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
-        for axis in (plan.xaxis, plan.yaxis):
-            axis.set_major_formatter(lambda metres, _: f"{scale * metres:g}")
         show_floor(plan, series.get("floor"), record.images.get("floor"), fade=0.3)
         if "predicted" in series:
             predicted = series["predicted"]
@@ -276,7 +230,7 @@ def over_the_floor(record: Record) -> Figure:
 def error_shares(record: Record) -> Figure:
     """Cumulated shares of the errors: a line further to the left is better."""
     series, truth = record.series, np.array(record.series["truth_m"])
-    unit, scale = _unit(record)
+    unit, scale = length_unit(least_error_cm(record) / 100)
     names = [*record.parameters["methods"].split(), "knn", "centre", "shuffled"]
     with canvas(size=(7.2, 3.4)) as (figure, axes):
         plot = axes[0, 0]

@@ -29,7 +29,7 @@ from trexton.companion.experiments.declaration import POSITIONS, Experiment, Map
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.style import COLORS, canvas, plain_log_ticks
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import interval, middle
+from trexton.companion.wording import interval, middle, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.field.features import is_counted
 from trexton.flights.flight import Flight
@@ -76,25 +76,22 @@ class Parameters(MapParameters):
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Train every baseline and the field on one flight, and locate the frames of another."""
-    values, _, step_ms = compare(train, test, parameters)
+    values, step_ms = compare(train, test, parameters)
     values["exchanged"] = None
     if train.name == test.name:
         values["exchanged"] = compare(test, train, parameters)[0]
-    values["frames"] = {"train": int(train.located.sum()), "test": len(test)}
     return parameters.record(train, test, values=values, timings={"step_ms": step_ms})
 
 
 def compare(
     train: Flight, test: Flight, parameters: Parameters
-) -> tuple[dict[str, Any], dict[str, np.ndarray], dict[str, float]]:
+) -> tuple[dict[str, Any], dict[str, float]]:
     """Every method trained on one flight and flown over the stretches of another.
 
     Returns
     -------
     values : dict
         A summary of each method, the best of the simple ones, and the field's `ratio` to it.
-    errors : dict of str to (N,) array
-        Centimetres; of all repeats.
     step_ms : dict of str to float
         CPU time of a frame whose features are at hand.
     """
@@ -143,7 +140,7 @@ def compare(
     simple = [name for name in LABELS if name not in ("paper", "more", "field")]
     best = min(simple, key=lambda name: middle(values[name]["mean_cm"]))
     ratio = middle(values["field"]["mean_cm"]) / middle(values[best]["mean_cm"])
-    return values | {"best": best, "ratio": ratio}, errors, step_ms
+    return values | {"best": best, "ratio": ratio}, step_ms
 
 
 def _regressions(parameters: Parameters) -> dict[str, tuple[Regression, list[Any]]]:
@@ -233,32 +230,32 @@ def _forest(
 
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence or two."""
-    said = verdict(record.values)
-    if exchanged := record.values["exchanged"]:
-        said += f" With training and test exchanged: {verdict(exchanged)}"
-    return said
+    exchanged = record.values["exchanged"]
+    after = f" With training and test exchanged: {verdict(exchanged)}" if exchanged else ""
+    return verdict(record.values) + after
 
 
 def verdict(values: Mapping[str, Any]) -> str:
     """Whether the field is worth its lines beside the best of the simple methods."""
     best, field = values[values["best"]], values["field"]
-    name = LABELS[values["best"]].removeprefix("the ")
-    figures = f"{interval(field['mean_cm'], 'cm')} against {interval(best['mean_cm'], 'cm')}"
-    if values["ratio"] <= WORTH:
-        return f"Method field beats the best simple baseline, the {name}: {figures}."
+    beats = "beats" if values["ratio"] <= WORTH else "is not a tenth better than"
     return (
-        f"Method field is not a tenth better than the best simple baseline, the {name}: {figures}."
+        f"Method field {beats} the best simple baseline, the {LABELS[values['best']]}: "
+        f"{interval(field['mean_cm'], 'cm')} against {interval(best['mean_cm'], 'cm')}."
     )
 
 
 def table(record: Record) -> pd.DataFrame:
-    """Mean error of every method in cm, both ways where the flight was exchanged."""
-    exchanged, step_ms = record.values["exchanged"], record.timings["step_ms"]
+    """Mean error of every method in cm, both ways where the flight was exchanged, and the share of
+    positions in its 90 % region.
+    """
+    exchanged, step_ms = record.values["exchanged"], record.timings.get("step_ms", {})
     rows = []
-    for name, label in LABELS.items():
-        row = {"method": label, "mean error (cm)": interval(record.values[name]["mean_cm"])}
+    for name in filter(step_ms.__contains__, LABELS):
+        row = {"method": LABELS[name], "mean error (cm)": interval(record.values[name]["mean_cm"])}
         if exchanged:
             row["exchanged (cm)"] = interval(exchanged[name]["mean_cm"])
+        row["in the 90 % region"] = percent(record.values[name]["held"])
         rows.append(row | {"CPU (ms a frame)": f"{step_ms[name]:.2g}"})
     return pd.DataFrame(rows)
 
@@ -266,8 +263,8 @@ def table(record: Record) -> pd.DataFrame:
 def frontier(record: Record) -> Figure:
     """Mean error over the CPU time of a frame; the line joins those that none beats in both."""
     points = {
-        name: (record.timings["step_ms"][name], middle(record.values[name]["mean_cm"]))
-        for name in LABELS
+        name: (step_ms, middle(record.values[name]["mean_cm"]))
+        for name, step_ms in record.timings.get("step_ms", {}).items()
     }
     with canvas(size=(7.2, 3.6)) as (figure, axes):
         plot = axes[0, 0]
@@ -282,7 +279,13 @@ def frontier(record: Record) -> Figure:
             )  # fmt: skip
             if not edge or error < edge[-1][1]:
                 edge.append((cost, error))
-        plot.step(*np.transpose(edge), where="post", color=COLORS["zone"], linewidth=0.8, zorder=0)
+        plot.step(
+            *np.reshape(edge, (-1, 2)).T,
+            where="post",
+            color=COLORS["zone"],
+            linewidth=0.8,
+            zorder=0,
+        )
         plot.set(
             xscale="log", yscale="log",
             xlabel="CPU time a frame, once its features are counted (ms)", ylabel="mean error (cm)",

@@ -1,18 +1,19 @@
 """Beyond the paper: why its filter trails, and what a field of histograms does instead.
 
 `VARIANTS` are the ways to localize that are compared, from the paper's filter to method field
-with visual odometry and aiding.
+with visual odometry. One frame is drawn on its way to a place.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from trexton.base.records import Record
@@ -26,12 +27,13 @@ from trexton.companion.experiments.evaluation import (
     lag,
     map_of,
 )
-from trexton.companion.experiments.one_frame import figure_of, watch
 from trexton.companion.experiments.printed import paper_file
-from trexton.companion.experiments.style import COLORS, canvas, label_ends
-from trexton.companion.experiments.track import Track, fly
+from trexton.companion.experiments.style import COLORS, canvas, floor_axes, label_ends
+from trexton.companion.experiments.track import HELD, Track, fly
 from trexton.companion.wording import beside, interval, middle, percent
-from trexton.flights.aiding import Aiding
+from trexton.field.field import Field
+from trexton.field.hypotheses import Hypotheses
+from trexton.field.tracks import TrackFilter
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.methods import make
@@ -39,7 +41,9 @@ from trexton.localization.training import for_method, with_choices, with_parts
 
 WIDE_M = 0.25  # process noise and rank widths of the ablations
 QUOTED = ("paper", "field")  # variants whose runs other pages quote too
-ATTITUDE_NOISE = np.radians(0.3)  # of the autopilot's roll, pitch and yaw
+SETTLED = 25  # frames, two seconds, before one is chosen to be drawn
+RIGHT_M = 0.3  # an error that still counts as right
+FEWEST = 0.01  # weight of a hypothesis that is drawn
 
 
 @dataclass(frozen=True)
@@ -49,10 +53,8 @@ class Variant:
     label: str
     method: str
     choices: Mapping[str, object]
-    draws: bool = True  # whether repeats differ by more than the patches
     whole: bool = False  # whether the field counts in whole images, and not in their parts
     odometry: bool = False  # whether frames tell it a velocity too
-    aided: bool = False  # whether an autopilot's attitude and height come beside them
 
 
 VARIANTS: dict[str, Variant] = {
@@ -62,20 +64,9 @@ VARIANTS: dict[str, Variant] = {
     "both": Variant(
         "with both", "paper", {"motion.sigma": WIDE_M, "measurement.sigma": WIDE_M}
     ),
-    "field_particles": Variant(
-        "The field, weighing particles", "paper",
-        {
-            "measurement": "field", "motion": "singer", "estimation": "mean",
-            "recovery": "augmented", "filter.particles": 500,
-        },
-    ),
-    "field_whole": Variant("The field of whole images, with its tracks", "field", {}, draws=False,
-                           whole=True),
-    "field": Variant("The field with its tracks", "field", {}, draws=False),
-    "field_camera": Variant("and a velocity from the same frames", "field", {}, draws=False,
-                            odometry=True),
-    "field_odometry": Variant("and attitude and height beside them", "field", {}, draws=False,
-                              odometry=True, aided=True),
+    "field_whole": Variant("The field of whole images, with its tracks", "field", {}, whole=True),
+    "field": Variant("The field with its tracks", "field", {}),
+    "field_camera": Variant("and a velocity from the same frames", "field", {}, odometry=True),
 }  # fmt: skip
 
 
@@ -96,11 +87,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     texton_map, located = map_of(train, parameters), train.select(train.located)
     frames, truth = frames_of(test), test.position
-    aiding = _aiding(test, parameters.seed)
     flights, timings = {}, {}
     changed: dict[str, TextonMap] = {}
     for name, variant in VARIANTS.items():
-        if not _possible(variant, train, aiding):
+        if not _possible(variant, train):
             continue
         started = perf_counter()
         base = changed["field"] if variant.odometry else texton_map
@@ -110,10 +100,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             runs = flown(train, test, parameters, name, texton_map=changed[name])
         else:
             runs = []
-            for repeat in range(parameters.repeats if variant.draws else 1):
+            for repeat in range(parameters.repeats if variant.method == "paper" else 1):
                 rng = stream(parameters.seed, f"beyond {name}", repeat)
                 localizer = Localizer(changed[name], samples=parameters.samples, rng=rng)
-                runs.append(fly(localizer, frames, aiding=aiding if variant.aided else None))
+                runs.append(fly(localizer, frames))
         flights[name] = runs
         timings[name]["step_s"] = float(np.median(runs[0].step_s))
     values: dict[str, Any] = {
@@ -123,25 +113,21 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "lag": lag(flights["paper"], test),
         "ratio": middle(values["field"]["mean_cm"]) / middle(values["paper"]["mean_cm"]),
         "protocol": _protocol(),
-        "frames": len(test),
     }
     errors_cm = {
         name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
         for name, runs in flights.items()
     }
-    frame = watch(changed["field"], test, frames, parameters)
+    frame = _ambiguous(changed["field"], test, frames, parameters)
     series = {"errors_cm": errors_cm, "frame": frame, "area_m": changed["field"].area}
     return parameters.record(train, test, values=values, series=series, timings=timings)
 
 
-def _possible(variant: Variant, train: Flight, aiding: list[Aiding] | None) -> bool:
-    """Whether the flights have what a variant needs."""
-    seen = train.camera is not None and train.height is not None
-    return (
-        (train.has_images or not variant.whole)
-        and (not variant.odometry or (seen and train.has_images))
-        and (not variant.aided or aiding is not None)
-    )
+def _possible(variant: Variant, train: Flight) -> bool:
+    """Whether the flight has what a variant needs."""
+    if variant.odometry and (train.camera is None or train.height is None):
+        return False
+    return train.has_images or not (variant.whole or variant.odometry)
 
 
 def _map_for(variant: Variant, base: TextonMap, located: Flight) -> TextonMap:
@@ -152,27 +138,13 @@ def _map_for(variant: Variant, base: TextonMap, located: Flight) -> TextonMap:
     return with_choices(for_method(base, variant.method, flight=counted), variant.choices)
 
 
-def _aiding(flight: Flight, seed: int) -> list[Aiding] | None:
-    """Attitude, as an autopilot knows it, and height; None where the flight has none."""
-    if flight.attitude is None or flight.height is None:
-        return None
-    rng = stream(seed, "autopilot")
-    noisy = flight.attitude + ATTITUDE_NOISE * rng.standard_normal(flight.attitude.shape)
-    known = replace(flight, attitude=noisy)
-    return [known.aiding(row) for row in range(len(flight))]
-
-
 def _summary(runs: list[Track], test: Flight, seed: int) -> dict[str, Any]:
-    """Errors in cm over all runs, and the coverage of the claimed region, in quarters too."""
+    """Errors in cm over all runs, and the coverage of the claimed region."""
     errors = errors_of(runs, test, seed)
-    held = np.stack([each.held(test.position) for each in runs])
-    quarters = [part.mean() for part in np.array_split(held, 4, axis=1)]
     return {
         "mean_cm": errors["mean_cm"],
-        **{name: middle(errors[name]) for name in ("median_cm", "p95_cm", "relative")},
+        **{name: middle(errors[name]) for name in ("median_cm", "p95_cm")},
         "held": coverage(runs, test, seed),
-        "held_least": min(quarters),
-        "held_most": max(quarters),
     }
 
 
@@ -186,6 +158,55 @@ def _protocol() -> dict[str, Any]:
     return {"rules": written["rules"], "evaluations": evaluations, "count": len(evaluations)}
 
 
+def _ambiguous(
+    texton_map: TextonMap, test: Flight, frames: Sequence[np.ndarray], parameters: Parameters
+) -> dict[str, Any]:
+    """The frame whose likelihood is spread widest among those that end up at the right place.
+
+    Returns
+    -------
+    dict
+        Its ``number``, ``histogram``, ``truth_m`` and ``estimate_m``; its ``likelihood`` over the
+        floor, the largest 1, row 0 at the smallest y; hypotheses ``before`` and ``after`` it, each
+        with ``weight``, ``mean_m`` and ``covariance_m2``.
+    """
+    rng = stream(parameters.seed, "flight", 0)  # the run that is quoted
+    localizer = Localizer(texton_map, samples=parameters.samples, rng=rng)
+    tracks, field = localizer.filter, localizer.parts["measurement"]
+    assert isinstance(tracks, TrackFilter) and isinstance(field, Field)
+    chosen: dict[str, Any] = {}
+    widest = -1.0
+    for number, (frame, truth) in enumerate(zip(frames, test.position, strict=True)):
+        before, observation = _drawn(tracks.hypotheses), localizer.observation(frame)
+        estimate = localizer.advance(observation)
+        log_posterior = field.log_posterior(observation)
+        share = np.exp(log_posterior - log_posterior.max())
+        mean = share @ field.centers / share.sum()
+        width = float(share @ np.square(field.centers - mean).sum(axis=1) / share.sum())
+        right = number >= SETTLED and np.hypot(*(estimate.position - truth)) < RIGHT_M
+        if not chosen or (right and width > widest):
+            widest = width if right else -1.0
+            chosen = {
+                "number": number,
+                "histogram": observation.histogram,
+                "likelihood": share.reshape(field.shape).T.round(4),
+                "before": before,
+                "after": _drawn(tracks.hypotheses),
+                "truth_m": truth,
+                "estimate_m": estimate.position,
+            }
+    return chosen
+
+
+def _drawn(hypotheses: Hypotheses) -> list[dict[str, Any]]:
+    each = zip(hypotheses.weights, hypotheses.states, hypotheses.covariances, strict=True)
+    return [
+        {"weight": weight, "mean_m": state[:2].copy(), "covariance_m2": covariance[:2, :2].copy()}
+        for weight, state, covariance in each
+        if weight >= FEWEST
+    ]
+
+
 def finding(record: Record) -> str:
     """What the experiment found, in two sentences."""
     paper, field = record.values["paper"], record.values["field"]
@@ -197,18 +218,18 @@ def finding(record: Record) -> str:
     )
 
 
-# Five lines, each with the words at its end and its colour.
+# A few lines, each with the words at its end and its colour.
 _DRAWN = {
     "paper": ("paper's filter", "paper"),
     "both": ("noise and ranks changed", "particles"),
     "field_whole": ("field of whole images", "neighbors"),
     "field": ("field", "field"),
-    "field_odometry": ("field with odometry", "fine"),
+    "field_camera": ("field with odometry", "fine"),
 }
 
 
 def errors(record: Record) -> Figure:
-    """The error below which a share of the frames stays, a line for each of five variants."""
+    """The error below which a share of the frames stays, a line for each of `_DRAWN`."""
     with canvas(size=(7.2, 3.8)) as (figure, axes):
         plot = axes[0, 0]
         for name in filter(record.series["errors_cm"].__contains__, _DRAWN):
@@ -226,8 +247,47 @@ def errors(record: Record) -> Figure:
 
 
 def one_frame(record: Record) -> Figure:
-    """One frame on its way to a place: histogram, likelihood, hypotheses before and after."""
-    return figure_of(record)
+    """The histogram; its likelihood over the floor; hypotheses before and after the frame."""
+    seen, area = record.series["frame"], record.series["area_m"]
+    with canvas(2, 2, size=(6.4, 6.2)) as (figure, axes):
+        counts, likely, before, after = axes.flat
+        histogram = np.array(seen["histogram"])
+        counts.bar(np.arange(len(histogram)), 100 * histogram, color=COLORS["zone"], label="share")
+        counts.set(title="1. The histogram", xlabel="texton", ylabel="share of the patches (%)")
+        likely.imshow(
+            np.array(seen["likelihood"]), extent=area, origin="lower", cmap="Blues", aspect="equal",
+            label="likelihood",
+        )  # fmt: skip
+        for plot, title in (
+            (likely, "2. Where the floor looks so"),
+            (before, "3. Hypotheses before"),
+            (after, "4. and after the frame"),
+        ):
+            floor_axes(plot, area)
+            plot.plot(*seen["truth_m"], "o", color=COLORS["truth"], fillstyle="none",
+                      markersize=11, markeredgewidth=2, label="truth")  # fmt: skip
+            plot.set_title(title)
+        for plot, name in ((before, "before"), (after, "after")):
+            for each in seen[name]:
+                _ellipse(plot, each)
+        after.plot(*seen["estimate_m"], "o", color=COLORS["field"], markersize=4, label="estimate")
+    return figure
+
+
+def _ellipse(plot: Axes, hypothesis: dict[str, Any]) -> None:
+    """The 90 % region of a hypothesis, the stronger the more it weighs, and its weight."""
+    turn = np.linspace(0, 2 * np.pi, 60)
+    root = np.linalg.cholesky(np.array(hypothesis["covariance_m2"]) + 1e-9 * np.eye(2))
+    x, y = np.array(hypothesis["mean_m"])
+    ring = np.sqrt(HELD) * np.stack([np.cos(turn), np.sin(turn)], axis=1) @ root.T + (x, y)
+    weight = hypothesis["weight"]
+    plot.plot(
+        *ring.T, color=COLORS["field"], linewidth=1 + 1.5 * weight, alpha=0.35 + 0.65 * weight
+    )
+    plot.annotate(
+        f"{100 * weight:.0f} %", ring[7], xytext=(3, 3), textcoords="offset points", fontsize=8.5,
+        color=COLORS["field"],
+    )  # fmt: skip
 
 
 EXPERIMENT = Experiment(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -42,6 +42,10 @@ METHODS = {
 TIMES = (1, 2, 4)  # as long as the shortest survey
 FIRST_FLOOR = 700  # seed of the first painted floor; no setting was chosen on these
 PLACES = 2500  # of a grid, to which a survey comes more or less near
+CELLS = 2  # parts of the image a side
+# One survey of one floor: by method the later flight with its map, the survey's seconds, and the
+# mean distance from a place to its nearest frame in metres.
+_Over = tuple[dict[str, Track], float, float]
 
 
 @dataclass(frozen=True)
@@ -51,18 +55,7 @@ class Parameters(FloorParameters):
     survey: int = option(200, "frames of the shortest survey, every other one", low=20)
     frames: int = option(200, "of the later flight, every other one", low=20)
     textons: int = option(TEXTONS, "textons of the dictionary, K", low=2, high=MAX_TEXTONS)
-    cells: int = option(2, "parts of the image a side", low=1, high=8)
     samples: int = option(SAMPLES, "patches drawn from an image", low=1)
-
-
-class _Over(NamedTuple):
-    """One survey of one floor: by method the later flight with its map, the survey's seconds, and
-    the mean distance from a place to its nearest frame in metres.
-    """
-
-    flown: dict[str, Track]
-    lasted: float
-    apart: float
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -72,26 +65,23 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     floors = parameters.over_each(train, partial(_over, parameters), FIRST_FLOOR)
     rng = stream(parameters.seed, "intervals")
     surveys = []
-    by_floor: dict[str, list[np.ndarray]] = {name: [] for name in METHODS}
     for index, times in enumerate(TIMES):
         over: list[_Over] = [surveyed[index] for surveyed, _ in floors]
         survey: dict[str, Any] = {
             "frames": times * parameters.survey,
-            "lasted_s": float(np.mean([each.lasted for each in over])),
-            "apart_cm": 100 * float(np.mean([each.apart for each in over])),
+            "lasted_s": float(np.mean([lasted for _, lasted, _ in over])),
+            "apart_cm": 100 * float(np.mean([apart for *_, apart in over])),
         }
         for name in METHODS:
-            runs = [(each.flown[name], floor[1]) for each, floor in zip(over, floors, strict=True)]
+            runs = [(each[0][name], floor[1]) for each, floor in zip(over, floors, strict=True)]
             errors = 100 * np.stack([run.errors(truth) for run, truth in runs])
             survey[name] = {
                 "error_cm": mean_over_floors(errors, rng),
-                "median_cm": float(np.median(errors)),
                 "held": float(np.mean([run.held(truth) for run, truth in runs])),
             }
-            by_floor[name].append(errors.mean(axis=1))
         surveys.append(survey)
     values = {"surveys": surveys, "floors": len(floors), "frames": parameters.frames}
-    return parameters.record(train, values=values, series={"by_floor_cm": by_floor})
+    return parameters.record(train, values=values)
 
 
 def _over(
@@ -123,7 +113,7 @@ def _over(
                 )
                 for name, each in _maps(parameters, survey).items()
             }
-            over.append(_Over(flown, float(survey.time[-1] - survey.time[0]), apart))
+            over.append((flown, float(survey.time[-1] - survey.time[0]), apart))
     return over, later.position
 
 
@@ -134,7 +124,7 @@ def _maps(parameters: Parameters, survey: Flight) -> dict[str, TextonMap]:
     return {
         "paper": base,
         "field": for_method(base, "field", rng=rng),
-        "parts": for_method(counted(base, survey, parameters.cells), "field", rng=rng),
+        "parts": for_method(counted(base, survey, CELLS), "field", rng=rng),
     }
 
 
@@ -151,18 +141,13 @@ def finding(record: Record) -> str:
 
 
 def errors(record: Record) -> Figure:
-    """Mean error over the distance to the nearest frame of the survey: all floors with their
-    interval, and each of them alone.
-    """
-    surveys, by_floor = record.values["surveys"], record.series["by_floor_cm"]
+    """Mean error with its interval over the distance to the nearest frame of the survey."""
+    surveys = record.values["surveys"]
     apart = np.array([survey["apart_cm"] for survey in surveys])
     with canvas(size=(6.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
         for (method, label), mark, stroke in zip(METHODS.items(), "osD", "-:-", strict=True):
             color = COLORS[method if method in COLORS else "field"]
-            if record.values["floors"] > 1:
-                alone = np.array(by_floor[method])
-                plot.plot(apart, alone, stroke, color=color, alpha=0.3, linewidth=0.8)
             entries = [survey[method]["error_cm"] for survey in surveys]
             with_intervals(plot, apart, entries, fmt=mark + stroke, color=color, label=label)
         plot.set(
@@ -182,7 +167,6 @@ def table(record: Record) -> pd.DataFrame:
                 f"{number(survey['apart_cm'])} cm",
                 "method": label,
                 "mean error": distance(survey[name]["error_cm"]),
-                "median": distance(survey[name]["median_cm"]),
                 "90 % region holds": percent(survey[name]["held"]),
             }
             for survey in record.values["surveys"]

@@ -58,22 +58,16 @@ class Receiver:
         self.cross = self.cross + dt * self.speed_variance + noise * dt**3
         self.speed_variance = self.speed_variance + noise * dt**2
 
-    def fuse(self, time: float, position: np.ndarray, variances: np.ndarray) -> np.ndarray:
-        """Take in one report of ``(2,)`` metres and square metres at `time`, in seconds.
-
-        Returns
-        -------
-        (R, 2) array
-            Squared innovations over what was expected of them.
-        """
+    def fuse(self, time: float, position: np.ndarray, variances: np.ndarray) -> None:
+        """Take in one report of ``(2,)`` metres and square metres at `time`, in seconds."""
         noise = np.maximum(variances, self.settings.floor**2)
         if not self.begun:
             self.begun = True
             self._restart(np.ones(self.position.shape, bool), position, noise)
-            return np.full(self.position.shape, np.nan)
+            return
         innovation = position - self.position
         expected = self.variance + noise
-        squared: np.ndarray = innovation**2 / expected
+        squared = innovation**2 / expected
         taken = squared <= GATE**2
         if self.settings.joint:
             together = squared.mean(axis=1, keepdims=True) <= GATE**2
@@ -88,7 +82,6 @@ class Receiver:
         since = np.minimum(self._refused_since, time)
         self._refused_since = np.where(taken, np.inf, since)
         self._restart(time - self._refused_since > RESET_S, position, noise)
-        return squared
 
     def _restart(self, which: np.ndarray, position: np.ndarray, noise: np.ndarray) -> None:
         self.position = np.where(which, position, self.position)

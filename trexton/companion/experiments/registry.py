@@ -1,43 +1,10 @@
 """The experiments by name, in the order of their pages; each is a module that declares itself.
 
-A module ``trexton/companion/experiments/<name>.py`` holds all of an experiment but its prose::
-
-    @dataclass(frozen=True)
-    class Parameters(MapParameters):  # or SeedParameters, FilterParameters: what it needs
-        trials: int = option(100, "independent trials of the filter", low=1)
-
-
-    def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-        ...
-        return parameters.record(train, test, values={"error_cm": error})
-
-
-    def finding(record: Record) -> str:  # the sentence at the top of its page
-        return f"The filter has an error of {interval(record.values['error_cm'], 'cm')}."
-
-
-    def errors(record: Record) -> Figure:  # as many figures and tables as the page shows
-        with canvas() as (figure, axes):
-            ...
-        return figure
-
-
-    EXPERIMENT = Experiment(
-        "Title of the page", Parameters, run, finding, needs=IMAGES, cost_s=20
-    )
-
-and `MODULES` here has one line for it. Defaults, types and ranges stand in `Parameters` alone: the
-command line, the notebook, the checks and the record take them from there. Frames are flown by
-`trexton.companion.experiments.track.fly`; independent repeats and trials go through
-`trexton.companion.executor.spread`. The notebook ``notebooks/<name>.md`` has the prose and begins
-with::
-
-    given = notebook.given(name.Parameters, globals())
-    record = name.run(given.train, given.test, given.parameters)
-    page = notebook.Page(record, given)
-
-What the paper claims of it stands in ``data/paper/claims.toml``, what it claims itself in
-``Experiment(claims=...)``. That makes three files at most: module, notebook, claims.
+A module ``trexton/companion/experiments/<name>.py`` holds all of an experiment but its prose:
+``Parameters``, ``run``, ``finding``, figures and ``EXPERIMENT``; `_NAMES` here has its name.
+Defaults, types and ranges stand in ``Parameters`` alone, and the notebook ``notebooks/<name>.md``
+has the prose. What the paper claims of it stands in ``data/paper/claims.toml``, what it claims
+itself in ``Experiment(claims=...)``. CONTRIBUTING.md adds one step by step.
 
 An experiment of one's own, outside this package, is the same module with its notebook ``<name>.md``
 beside it; it is an entry point of the group ``trexton.experiments`` (name to module), or its module
@@ -55,33 +22,16 @@ from trexton.companion.experiments.declaration import Experiment
 __all__ = ["EXPERIMENTS", "LEDGER", "MODULES"]
 
 LEDGER = "claims"
-MODULES = {
+_NAMES = (
     # The paper's, in its order, and what it leaves open.
-    "overview": "trexton.companion.experiments.overview",
-    "texton_dictionary": "trexton.companion.experiments.texton_dictionary",
-    "mosaic": "trexton.companion.experiments.mosaic",
-    "homography_baseline": "trexton.companion.experiments.homography_baseline",
-    "mocap_training": "trexton.companion.experiments.mocap_training",
-    "homography_training": "trexton.companion.experiments.homography_training",
-    "triggered_landing": "trexton.companion.experiments.triggered_landing",
-    "trade_off": "trexton.companion.experiments.trade_off",
-    "timing": "trexton.companion.experiments.timing",
-    "map_loss": "trexton.companion.experiments.map_loss",
-    "kidnapping": "trexton.companion.experiments.kidnapping",
-    "choices": "trexton.companion.experiments.choices",
+    "overview", "texton_dictionary", "mosaic", "homography_baseline", "mocap_training",
+    "homography_training", "triggered_landing", "trade_off", "timing", "map_loss", "kidnapping",
+    "choices",
     # Beyond the paper.
-    "beyond": "trexton.companion.experiments.beyond",
-    "baselines": "trexton.companion.experiments.baselines",
-    "senses": "trexton.companion.experiments.senses",
-    "uncertainty": "trexton.companion.experiments.uncertainty",
-    "fine": "trexton.companion.experiments.fine",
-    "touchdown": "trexton.companion.experiments.touchdown",
-    "rooms": "trexton.companion.experiments.rooms",
-    "aiding": "trexton.companion.experiments.aiding",
-    "density": "trexton.companion.experiments.density",
-    "suitability": "trexton.companion.experiments.suitability",
-    "assessment": "trexton.companion.experiments.assessment",
-}
+    "beyond", "baselines", "senses", "uncertainty", "fine", "touchdown", "rooms", "aiding",
+    "density", "suitability", "assessment",
+)  # fmt: skip
+MODULES = {name: f"trexton.companion.experiments.{name}" for name in _NAMES}
 
 
 class _Experiments(Mapping[str, Experiment]):

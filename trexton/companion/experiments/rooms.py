@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -30,9 +30,8 @@ from trexton.companion.experiments.style import (
     legend_above,
     with_intervals,
 )
-from trexton.companion.experiments.track import Track, fly
+from trexton.companion.experiments.track import fly
 from trexton.companion.wording import distance, percent
-from trexton.evaluation.metrics import euclidean
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
@@ -51,10 +50,12 @@ from trexton.vision.camera import Camera, MapImage
 
 FIRST_FLOOR = 1300  # seed of the first painted floor; no setting was chosen on these
 METHODS = ("paper", "field", "fine")
-NEIGHBORS = "neighbours"  # the mean of the paper's neighbours, without its filter
 WRONG_M = 0.3
 SHADE, RUG_SHARE, RUG_TILE = 0.65, 0.1, 0.05  # gain, share of the floor, metres
 SPEED = 0.6  # metres a second
+# Of each frame of one flight by one method: its error in metres, whether it was called lost, and
+# whether the region that should hold 90 % held the truth.
+_Flown = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class _Turning(Simulator):
@@ -104,16 +105,6 @@ class Parameters(FloorParameters):
     frames: int = option(40, "of every flight", low=10)
 
 
-class _Flown(NamedTuple):
-    """Of each frame of one flight by one method: metres, whether it said that it was lost, and
-    whether the region that should hold 90 % held the truth.
-    """
-
-    errors: np.ndarray
-    lost: np.ndarray
-    held: np.ndarray
-
-
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Fly one path over each floor, of `FloorParameters.over_each`, under one change after another.
 
@@ -123,14 +114,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     rng = stream(parameters.seed, "intervals")
 
     def summary(change: str, method: str) -> dict[str, Any]:
-        flown = [over[change][method] for over in floors]
-        errors = np.stack([each.errors for each in flown])
-        lost = np.stack([each.lost for each in flown])
+        flown = (over[change][method] for over in floors)
+        errors, lost, held = (np.stack(each) for each in zip(*flown, strict=True))
         return {
             "error_cm": mean_over_floors(100 * errors, rng),
             "wrong": float(((errors > WRONG_M) & ~lost).mean()),
             "lost": float(lost.mean()),
-            "held": float(np.mean([each.held for each in flown])),
+            "held": float(held.mean()),
         }
 
     changes = {
@@ -162,16 +152,8 @@ def _over(
         for method, texton_map in maps.items():
             localizer = Localizer(texton_map, rng=stream(seed, "flight"))
             track = fly(localizer, frames, aiding=aiding)
-            found[name][method] = _of(track, truth)
-            if method == "paper":
-                nearest = euclidean(track.knn, truth)
-                never = np.zeros(len(truth), dtype=bool)
-                found[name][NEIGHBORS] = _Flown(nearest, never, never)
+            found[name][method] = (track.errors(truth), track.lost, track.held(truth))
     return found
-
-
-def _of(track: Track, truth: np.ndarray) -> _Flown:
-    return _Flown(track.errors(truth), track.lost, track.held(truth))
 
 
 def _flight(
@@ -233,7 +215,6 @@ def finding(record: Record) -> str:
 
 
 STROKES: Mapping[str, tuple[str, str]] = {
-    NEIGHBORS: ("o", COLORS["truth"]),
     "paper": ("o", COLORS["paper"]),
     "field": ("o", COLORS["field"]),
     "fine": ("D", COLORS["field"]),
@@ -247,7 +228,7 @@ def errors(record: Record) -> Figure:
         for place, (method, (mark, color)) in enumerate(STROKES.items()):
             each = [record.values["changes"][name][method]["error_cm"] for name in CHANGES]
             with_intervals(
-                plot, rows + 0.14 * (place - 1.5), each, across=True, fmt=mark, color=color,
+                plot, rows + 0.14 * (place - 1), each, across=True, fmt=mark, color=color,
                 markersize=4, label=method, markerfacecolor="white" if mark != "o" else color,
             )  # fmt: skip
         label_rows(plot, [change.words for change in CHANGES.values()], "mean error (cm)")
@@ -258,32 +239,21 @@ def errors(record: Record) -> Figure:
     return figure
 
 
-def table(record: Record) -> pd.DataFrame:
-    """Mean error of each method with its interval, a row for each change."""
+def table(record: Record, method: str) -> pd.DataFrame:
+    """Of one method: its mean error, frames that are wrong and not called lost, lost ones, and what
+    regions hold, a row for each change.
+    """
+    rows = [(each.words, record.values["changes"][name][method]) for name, each in CHANGES.items()]
     return pd.DataFrame(
         [
-            {"change": change.words}
-            | {
-                method: distance(record.values["changes"][name][method]["error_cm"])
-                for method in STROKES
+            {
+                "change": words,
+                "mean error": distance(flown["error_cm"]),
+                "wrong, not lost": percent(flown["wrong"]),
+                "lost": percent(flown["lost"]),
+                "90 % region holds": percent(flown["held"]),
             }
-            for name, change in CHANGES.items()
-        ]
-    )
-
-
-def honesty(record: Record) -> pd.DataFrame:
-    """Frames that are wrong and not called lost, lost ones, and what regions hold."""
-    keys = {"wrong": "wrong, not lost", "lost": "lost", "held": "90 % region holds"}
-    return pd.DataFrame(
-        [
-            {"change": change.words}
-            | {
-                f"{method}: {words}": percent(record.values["changes"][name][method][key])
-                for method in ("field", "fine")
-                for key, words in keys.items()
-            }
-            for name, change in CHANGES.items()
+            for words, flown in rows
         ]
     )
 

@@ -38,8 +38,8 @@ LEVEL = 0.3  # share by which a prediction may differ from what is measured, to 
 
 
 @dataclass(frozen=True)
-class Parameters(SeedParameters):
-    """What can be chosen."""
+class Parameters(SeedParameters, VirtualFlights):
+    """What can be chosen; ``height`` too."""
 
     floors: str = option(
         "hall:21 few:23 carpet:24",
@@ -47,7 +47,6 @@ class Parameters(SeedParameters):
     )
     frames: int = option(160, "of each survey; 0 takes as many as its lanes need", low=0)
     test_frames: int = option(60, "of the flight on which errors are measured", low=20)
-    height: float = option(1.0, "metres above the floor", low=0.2, high=10)
 
     def obstacle(self) -> str | None:
         """Why these floors cannot be flown over here, for a sweep that goes on without them."""
@@ -79,10 +78,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def _judged(parameters: Parameters, name: str) -> dict[str, float]:
-    flights = VirtualFlights(
-        parameters.frames, parameters.test_frames, parameters.height, parameters.seed
-    )
-    judged = judge_floor(named_floor(name), flights=flights, methods=METHODS)
+    judged = judge_floor(named_floor(name), flights=parameters, methods=METHODS)
     measured = {
         f"{method}_cm": float(found["mean_cm"]) for method, found in judged["measured"].items()
     }
@@ -114,9 +110,8 @@ def validation(rows: Iterable[Mapping[str, float]], seed: int) -> dict[str, Any]
     -------
     dict
         ``count``; ``rank``, Spearman's rho of predicted and measured error with its interval over
-        floors; ``loss_rank`` and ``loss_paper_rank``, the same of the paper's loss with the error
-        of the first method and of the paper's own; ``ratio``, median of measured over predicted;
-        ``level``, share of floors within `LEVEL`.
+        floors; ``loss_rank``, the same of the paper's loss and the measured error; ``ratio``,
+        median of measured over predicted; ``level``, share of floors within `LEVEL`.
     """
     rows = list(rows)
     columns = {key: np.array([row[key] for row in rows]) for key in rows[0]}
@@ -130,19 +125,14 @@ def validation(rows: Iterable[Mapping[str, float]], seed: int) -> dict[str, Any]
         "count": len(rows),
         "rank": rank(predicted, measured),
         "loss_rank": rank(columns["loss"], measured),
-        "loss_paper_rank": rank(columns["loss"], columns[f"{METHODS[1]}_cm"]),
         "ratio": float(np.median(ratio)),
         "level": float((np.abs(ratio - 1) <= LEVEL).mean()),
     }
 
 
-def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
-    return sentence(record.values["validation"])
-
-
-def sentence(found: Mapping[str, Any]) -> str:
-    """What a validation says."""
+def finding(record: Record, kept: Mapping[str, Any] | None = None) -> str:
+    """What the experiment found, in a sentence, or what a `kept` validation of more floors says."""
+    found = kept or record.values["validation"]
     rank, loss = found["rank"], found["loss_rank"]
     return (
         f"Over {found['count']} floors the predicted error has a rank correlation of "
@@ -154,7 +144,8 @@ def sentence(found: Mapping[str, Any]) -> str:
 
 def interval(entry: Mapping[str, float]) -> str:
     """A correlation with its interval, or that there is none."""
-    if not np.isfinite([entry["value"], entry["low"], entry["high"]]).all():
+    ends = np.array([entry["value"], entry["low"], entry["high"]], dtype=float)
+    if not np.isfinite(ends).all():
         return "nothing, for want of floors"
     if entry["low"] == entry["high"]:
         return f"{entry['value']:.2f} (too few floors for an interval)"

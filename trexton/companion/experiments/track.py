@@ -73,11 +73,6 @@ class Track:
         """``(N, 2)`` standard deviations in metres."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
-    @property
-    def velocity_biased(self) -> np.ndarray:
-        """``(N,)`` whether the frames show a bias of the aiding velocity."""
-        return np.array([each.velocity_bias is not None for each in self.estimates])
-
     def errors(self, truth: np.ndarray) -> np.ndarray:
         """``(N,)`` distances to the truth in metres."""
         return euclidean(self.position, truth)
