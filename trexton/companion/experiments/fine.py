@@ -79,11 +79,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "all": {name: _summary(each) for name, each in rows.items()},
         "kidnapped": {"found_rate": found_rate(found, parameters.floors)},
     }
-    shares = np.linspace(0, 100, 101)
-    series["errors_cm"] = {
-        name: {"share": shares, "error": 100 * np.percentile(each[:, 0], shares)}
-        for name, each in rows.items()
-    }
     timings = {
         name: of_frames(np.concatenate([trial["seconds"][name] for trial in trials]), "_s")
         for name in ATTITUDES
@@ -258,11 +253,7 @@ def finding(record: Record, long: Record | None = None) -> str:
     )
 
 
-_LINES = {
-    "attitude": (COLORS["fine"], "-"),
-    "tilt_bias": (COLORS["field"], "-."),
-    "free": (COLORS["zone"], "--"),
-}
+_LINES = {"attitude": (COLORS["fine"], "-"), "free": (COLORS["zone"], "--")}
 
 
 def over_time(record: Record) -> Figure:
@@ -270,27 +261,12 @@ def over_time(record: Record) -> Figure:
     time = np.array(record.series["time_s"])
     with canvas(2, 1, size=(7.2, 4.4), sharex=True, sharey=True) as (figure, axes):
         for plot, where in zip(axes[:, 0], ("surveyed", "stitched"), strict=True):
-            for name in ("attitude", "free"):  # a tilt bias would lie upon the first
-                color, style = _LINES[name]
+            for name, (color, style) in _LINES.items():  # a tilt bias would lie upon the first
                 error = np.array(record.series[f"{where}_{name}_cm"], dtype=float)
                 plot.plot(time, error, style, color=color, linewidth=1.0, label=ATTITUDES[name])
             plot.set(ylabel=f"{where} map:\nerror (cm)", ylim=(0, None))
         legend_above(axes[0, 0])
         axes[1, 0].set(xlabel="time (s)", xlim=(0, time[-1]))
-    return figure
-
-
-def errors_over_floors(record: Record) -> Figure:
-    """Share of frames with at most so large an error, over all floors."""
-    with canvas(size=(6.4, 3.4)) as (figure, axes):
-        plot = axes[0, 0]
-        for name, (color, style) in _LINES.items():
-            series: dict[str, Any] = record.series["errors_cm"][name]
-            label = f"{ATTITUDES[name]}, {record.values['all'][name]['frames']:,} frames"
-            plot.plot(series["error"], series["share"], style, color=color, label=label)
-        plot.set(xlabel="error (cm)", ylabel="frames (%)", xscale="log", ylim=(0, 101))
-        plot.xaxis.set_major_formatter("{x:g}")
-        legend_above(plot, columns=2)
     return figure
 
 

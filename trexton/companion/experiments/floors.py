@@ -84,14 +84,14 @@ class FloorParameters(SeedParameters):
 
 
 def mean_over_floors(
-    rows: np.ndarray, rng: np.random.Generator, lowest: float = 0.0, highest: float = np.inf
+    rows: np.ndarray, rng: np.random.Generator, lowest: float = 0.0
 ) -> Mapping[str, float | None]:
     """Mean of ``(F, N)`` values with its 95 % interval over floors, as records hold it; over one
     floor, that over stretches of its flight.
     """
     if len(rows) == 1:
         return mean_with_interval(rows, rng)
-    return mean_over_groups(rows.mean(axis=1), lowest, highest)
+    return mean_over_groups(rows.mean(axis=1), lowest)
 
 
 @dataclass(frozen=True)
