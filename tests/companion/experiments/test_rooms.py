@@ -39,7 +39,7 @@ def test_finding_tables_and_figure_say_what_the_record_holds(record):
     assert distance(still) in rooms.finding(record)
     table = rooms.table(record, "field")
     assert table["mean error"][0] == distance(still) and len(table) == len(rooms.CHANGES)
-    line = rooms.errors(record).axes[0].containers[list(rooms.STROKES).index("field")][0]
+    line = rooms.errors(record).axes[0].containers[rooms.METHODS.index("field")][0]
     assert still["value"] in np.asarray(line.get_xdata(), float)
 
 

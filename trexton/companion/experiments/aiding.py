@@ -21,13 +21,7 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.evaluation import frames_of
 from trexton.companion.experiments.floors import FloorParameters, mean_over_floors
-from trexton.companion.experiments.style import (
-    COLORS,
-    canvas,
-    label_rows,
-    legend_above,
-    with_intervals,
-)
+from trexton.companion.experiments.style import errors_by_row
 from trexton.companion.experiments.track import Track, fly
 from trexton.companion.wording import distance, middle, number
 from trexton.flights.aiding import Aiding
@@ -54,7 +48,6 @@ METHODS = {
     "paper": tuple(name for name, (_, _, aiding) in AIDINGS.items() if "velocity" not in aiding),
     "field": tuple(AIDINGS),
 }
-LABELS = {"paper": "the paper's filter", "field": "field"}
 FIRST_FLOOR = 500  # seed of the first painted floor; no setting was chosen on these
 CELLS = 2  # parts of the image a side
 RIPPLE = 0.1  # standard deviation of the height in metres
@@ -200,19 +193,8 @@ def finding(record: Record) -> str:
 
 def errors(record: Record) -> Figure:
     """Mean error with its interval over what aided it, a colour for each method."""
-    values, rows = record.values["error_cm"], list(AIDINGS)
-    with canvas(size=(7.2, 3.0)) as (figure, axes):
-        plot = axes[0, 0]
-        for place, (method, label) in enumerate(LABELS.items()):
-            places = np.array([rows.index(aid) for aid in METHODS[method]])
-            with_intervals(
-                plot, places + 0.16 * (place - 0.5),
-                [values[method][aid] for aid in METHODS[method]], across=True,
-                fmt="os"[place], color=COLORS[method], label=label,
-            )  # fmt: skip
-        label_rows(plot, [label for label, *_ in AIDINGS.values()], "mean error (cm)")
-        legend_above(plot, 2)
-    return figure
+    rows = {aid: label for aid, (label, *_) in AIDINGS.items()}
+    return errors_by_row(rows, {name: record.values["error_cm"][name] for name in METHODS})
 
 
 def table(record: Record) -> pd.DataFrame:
@@ -220,10 +202,10 @@ def table(record: Record) -> pd.DataFrame:
     rows = []
     for aid, (label, *_) in AIDINGS.items():
         row = {"measured beside the frame": label}
-        for method, words in LABELS.items():
+        for method in METHODS:
             for what in ("error", "gain"):
                 entry = record.values[f"{what}_cm"][method].get(aid)
-                row[f"{words}, {what}"] = distance(entry) if entry else ""
+                row[f"{method}, {what}"] = distance(entry) if entry else ""
         rows.append(row)
     return pd.DataFrame(rows)
 

@@ -43,6 +43,7 @@ LANE = 0.5  # metres between the lanes of a survey that sees everything twice
 SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
 EVERY = 2  # frames: half the camera's rate, so that fewer frames cover the floor
 CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
+SIGMA_M = 0.8  # of the paper's map loss
 METHOD = "field"  # the one whose error is predicted
 # Of a survey for a first number.
 FIRST_FRAMES, FIRST_EVERY, FIRST_CAMERA = 200, 5, Camera(320, 240, 260.0)
@@ -143,7 +144,6 @@ def judge_floor(
     *,
     flights: VirtualFlights = VirtualFlights(),
     methods: Sequence[str] = (METHOD,),
-    sigma: float = 0.8,
 ) -> dict[str, Any]:
     """Predict how far off one would be over a floor, and measure it on a virtual flight.
 
@@ -153,8 +153,6 @@ def judge_floor(
     flights : VirtualFlights
     methods : sequence of str
         Flown over the second flight; see `trexton.localization.methods.METHODS`.
-    sigma : float
-        Of the paper's map loss, in metres.
 
     Returns
     -------
@@ -182,7 +180,7 @@ def judge_floor(
     heat = _over_floor(field.predicted_error, floor.area)
     rng = stream(flights.seed, "intervals")
     centre = constant_guess(base.positions, len(test))
-    losses = local_losses(base.histograms, base.positions, sigma)
+    losses = local_losses(base.histograms, base.positions, SIGMA_M)
     return {
         "area_m": floor.area,
         "frames": {"survey": len(train), "test": len(test)},

@@ -8,7 +8,6 @@ heading and height as limits (Discussion).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -23,13 +22,7 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.floors import FloorParameters, mean_over_floors
-from trexton.companion.experiments.style import (
-    COLORS,
-    canvas,
-    label_rows,
-    legend_above,
-    with_intervals,
-)
+from trexton.companion.experiments.style import errors_by_row
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import distance, percent
 from trexton.flights.aiding import Aiding
@@ -214,29 +207,16 @@ def finding(record: Record) -> str:
     )
 
 
-STROKES: Mapping[str, tuple[str, str]] = {
-    "paper": ("o", COLORS["paper"]),
-    "field": ("o", COLORS["field"]),
-    "fine": ("D", COLORS["field"]),
-}
-
-
 def errors(record: Record) -> Figure:
     """Mean error of each method with its interval, a row for each change."""
-    with canvas(size=(7.2, 4.6)) as (figure, axes):
-        plot, rows = axes[0, 0], np.arange(len(CHANGES))
-        for place, (method, (mark, color)) in enumerate(STROKES.items()):
-            each = [record.values["changes"][name][method]["error_cm"] for name in CHANGES]
-            with_intervals(
-                plot, rows + 0.14 * (place - 1), each, across=True, fmt=mark, color=color,
-                markersize=4, label=method, markerfacecolor="white" if mark != "o" else color,
-            )  # fmt: skip
-        label_rows(plot, [change.words for change in CHANGES.values()], "mean error (cm)")
-        least = min(line.get_xdata().min() for line in plot.lines)
-        plot.set(xscale="log", xlim=(least / 2, None))
-        plot.xaxis.set_major_formatter("{x:g}")
-        legend_above(plot, len(STROKES))
-    return figure
+    changes = record.values["changes"]
+    return errors_by_row(
+        {name: change.words for name, change in CHANGES.items()},
+        {
+            method: {name: each[method]["error_cm"] for name, each in changes.items()}
+            for method in METHODS
+        },
+    )
 
 
 def table(record: Record, method: str) -> pd.DataFrame:

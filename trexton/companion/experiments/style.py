@@ -175,6 +175,35 @@ def label_rows(axes: Axes, labels: Collection[str], xlabel: str) -> None:
     axes.grid(axis="y", visible=False)
 
 
+def errors_by_row(
+    rows: Mapping[str, str], errors: Mapping[str, Mapping[str, Mapping[str, float]]]
+) -> Figure:
+    """Mean errors in cm with their intervals, a line of the plot for each of `rows`.
+
+    Parameters
+    ----------
+    rows : mapping
+        Key to label.
+    errors : mapping
+        Method to entries, as records hold them, by the keys of those rows that it has.
+    """
+    with canvas(size=(7.2, 0.8 + 0.36 * len(rows))) as (figure, axes):
+        plot = axes[0, 0]
+        for place, (method, found) in enumerate(errors.items()):
+            at = np.array([row for row, key in enumerate(rows) if key in found])
+            with_intervals(
+                plot, at + 0.14 * (place - (len(errors) - 1) / 2),
+                [found[key] for key in rows if key in found],
+                across=True, fmt="osD"[place], color=COLORS[method], markersize=4, label=method,
+            )  # fmt: skip
+        label_rows(plot, rows.values(), "mean error (cm)")
+        least = min(line.get_xdata().min() for line in plot.lines)
+        plot.set(xscale="log", xlim=(least / 2, None))
+        plain_log_ticks(plot.xaxis)
+        legend_above(plot)
+    return figure
+
+
 def heat_map(
     figure: Figure, axes: Axes, heat: np.ndarray, extent: Any, label: str, **bar: Any
 ) -> None:
