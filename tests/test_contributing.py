@@ -19,7 +19,7 @@ ROOT = Path(__file__).parent.parent
 SECTION = re.compile(r"^## (?P<title>.+?)\n(?P<body>.*?)(?=^## |\Z)", re.S | re.M)
 FILE = re.compile(r"`(?P<path>trexton/[\w/]+\.py)`:\n\n```python\n(?P<code>.*?)```", re.S)
 LINE = re.compile(
-    r"One line in `(?P<path>[^`]+)`, under `(?P<anchor>[^`]+)`:\n\n```python\n(?P<line>[^\n]+)\n```"
+    r"One line in `(?P<path>[^`]+)`, under `(?P<anchor>[^`]+)`:\n\n```\w+\n(?P<line>[^\n]+)\n```"
 )
 NOTEBOOK = re.compile(r"`(?P<path>notebooks/\w+\.md)`:\n\n````markdown\n(?P<text>.*?)````", re.S)
 SECTIONS = {

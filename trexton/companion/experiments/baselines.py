@@ -264,7 +264,7 @@ def frontier(record: Record) -> Figure:
     """Mean error over the CPU time of a frame; the line joins those that none beats in both."""
     points = {
         name: (step_ms, middle(record.values[name]["mean_cm"]))
-        for name, step_ms in record.timings.get("step_ms", {}).items()
+        for name, step_ms in record.timings["step_ms"].items()
     }
     with canvas(size=(7.2, 3.6)) as (figure, axes):
         plot = axes[0, 0]
@@ -280,7 +280,7 @@ def frontier(record: Record) -> Figure:
             if not edge or error < edge[-1][1]:
                 edge.append((cost, error))
         plot.step(
-            *np.reshape(edge, (-1, 2)).T,
+            *np.transpose(edge),
             where="post",
             color=COLORS["zone"],
             linewidth=0.8,
