@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
+from trexton.field.process import Block, blocks_in_space, blocks_in_time
 from trexton.field.tiles import Tiles
 from trexton.flights.flight import Flight
 from trexton.localization.training import train_map

@@ -12,7 +12,7 @@ from trexton.base.errors import MapError, ParameterError
 from trexton.field.cross_validation import _error_coefficients
 from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.field import Field
-from trexton.field.grid import grid_cells
+from trexton.field.likelihood import grid_cells
 from trexton.field.linear_motion import Singer
 from trexton.field.tracks import TrackFilter
 from trexton.localization.localizer import Localizer

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from trexton.field.blocks import blocks_in_time
-from trexton.field.process import NOISE, Process, matern, merge_places, select_length
+from trexton.field.process import (
+    NOISE,
+    Process,
+    blocks_in_time,
+    matern,
+    merge_places,
+    select_length,
+)
 
 
 def waves(places: np.ndarray) -> np.ndarray:

@@ -15,8 +15,7 @@ from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.registration import FloorFix, FloorTracker, Trust
 from trexton.registration.alignment import Aligner
 from trexton.registration.belief import CellBelief
-from trexton.registration.correlation import CoarseMatcher
-from trexton.registration.ground import Ground, fine_cell
+from trexton.registration.ground import CoarseMatcher, Ground, fine_cell
 from trexton.registration.trust import learn_trust
 from trexton.simulator import Floor, Simulator
 from trexton.vision.camera import MapImage, transform_points

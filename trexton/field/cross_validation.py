@@ -11,12 +11,24 @@ from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from trexton.base.progress import say
-from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
 from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.features import Features
-from trexton.field.grid import grid_cells
-from trexton.field.likelihood import Basis, TileTables, log_prior, rbf_kernel, tile_blocks
-from trexton.field.process import NOISES, Process, select_length
+from trexton.field.likelihood import (
+    Basis,
+    TileTables,
+    grid_cells,
+    log_prior,
+    rbf_kernel,
+    tile_blocks,
+)  # fmt: skip
+from trexton.field.process import (
+    NOISES,
+    Block,
+    Process,
+    blocks_in_space,
+    blocks_in_time,
+    select_length,
+)  # fmt: skip
 from trexton.field.tiles import Tiles
 from trexton.localization.base import Area
 

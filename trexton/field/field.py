@@ -19,8 +19,15 @@ from trexton.base.errors import MapError
 from trexton.base.options import option
 from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.features import Features, is_counted
-from trexton.field.grid import bilinear, grid_cells
-from trexton.field.likelihood import Basis, TileTables, log_prior, rbf_kernel, tile_blocks
+from trexton.field.likelihood import (
+    Basis,
+    TileTables,
+    bilinear,
+    grid_cells,
+    log_prior,
+    rbf_kernel,
+    tile_blocks,
+)  # fmt: skip
 from trexton.localization.base import learned
 from trexton.localization.estimate import ignorance
 from trexton.localization.measurement import MeasurementModel

@@ -1,5 +1,6 @@
-"""A frame's features are more or less likely at each cell of a floor. Offers tables of that
-likelihood for whole images and for tiles, and the prior density of places by where the survey flew.
+"""A frame's features are more or less likely at each cell of a floor. Offers the cells and values
+between them, tables of that likelihood for whole images and for tiles, the places where most of it
+lies, and the prior density of places by where the survey flew.
 """
 
 from __future__ import annotations
@@ -9,13 +10,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Basis", "Table", "TileTables", "better_half", "log_prior", "rbf_kernel", "tile_blocks"]
+from trexton.localization.base import Area
+
+__all__ = [
+    "Basis", "Table", "TileTables", "better_half", "bilinear", "grid_cells", "log_prior", "peaks",
+    "rbf_kernel", "tile_blocks",
+]  # fmt: skip
 
 DEGREES_OF_FREEDOM = 6.0  # of the Student distribution
 CLUTTER_SHARE = 0.02  # of tiles, that show what the survey did not
 # Of the prior that does not expect the vehicle where the survey was: of histograms of a floor, and
 # of other senses, such as radio, which change slowly over the area.
 UNIFORM_SHARE, WIDE_UNIFORM_SHARE = 0.1, 0.5
+PEAKS, PEAK_MASS = 2, 0.02  # at most; and the share of a likelihood that one must hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,3 +181,50 @@ def tile_blocks(noise: np.ndarray, parts: int) -> list[np.ndarray]:
     """The blocks ``(d / parts, d / parts)`` of a covariance ``(d, d)`` that belong to each tile."""
     size = len(noise) // parts
     return [noise[i : i + size, i : i + size] for i in range(0, len(noise), size)]
+
+
+def grid_cells(area: Area, cells: int) -> tuple[np.ndarray, tuple[int, int]]:
+    """``(M, 2)`` centres of about `cells` squares, x slowest, and how many along x and y."""
+    x_min, x_max, y_min, y_max = area
+    side = np.sqrt((x_max - x_min) * (y_max - y_min) / cells)
+    most = max(2, cells // 2)  # of a strip: two beside another
+    nx, ny = (
+        min(max(2, round((high - low) / side)), most)
+        for low, high in ((x_min, x_max), (y_min, y_max))
+    )
+    x = x_min + (np.arange(nx) + 0.5) * (x_max - x_min) / nx
+    y = y_min + (np.arange(ny) + 0.5) * (y_max - y_min) / ny
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), (nx, ny)
+
+
+def bilinear(grid: np.ndarray, area: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """``(M,)`` values of a grid ``(nx, ny)`` over the area, constant beyond its outer centres."""
+    places = np.asarray(places, dtype=float)
+    count = np.array(grid.shape)
+    low, high = area[::2], area[1::2]
+    at = np.clip((places - low) / (high - low) * count - 0.5, 0, count - 1)
+    first = np.minimum(at.astype(np.int64), count - 2)
+    (u, v), (i, j) = (at - first).T, first.T
+    result: np.ndarray = (1 - u) * ((1 - v) * grid[i, j] + v * grid[i, j + 1])
+    result += u * ((1 - v) * grid[i + 1, j] + v * grid[i + 1, j + 1])
+    return result
+
+
+def peaks(
+    cells: np.ndarray, shares: np.ndarray, radius: float
+) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+    """Means ``(2,)``, covariances ``(2, 2)`` and shares of the likeliest places, of a likelihood
+    `shares` ``(M,)`` over `cells` ``(M, 2)``, each of what lies within `radius` metres.
+    """
+    left = shares.copy()
+    for _ in range(PEAKS):
+        best = int(left.argmax())
+        near = np.hypot(*(cells - cells[best]).T) < radius
+        mass = float(left[near].sum())
+        if mass < PEAK_MASS:
+            break
+        part = left[near] / mass
+        left[near] = 0
+        mean = part @ cells[near]
+        offset = cells[near] - mean
+        yield mean, (offset.T * part) @ offset, mass

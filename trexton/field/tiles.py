@@ -16,9 +16,8 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
-from trexton.field.blocks import Block, blocks_in_time
-from trexton.field.grid import bilinear, grid_cells
-from trexton.field.process import Process, nlpd
+from trexton.field.likelihood import bilinear, grid_cells
+from trexton.field.process import Block, Process, blocks_in_time, nlpd
 from trexton.localization.base import Area
 
 __all__ = ["Tiles"]

@@ -23,13 +23,13 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.field.field import Field
-from trexton.field.grid import peaks
 from trexton.field.hypotheses import (
     BIAS_SIGMA,
     CLUTTER_PROBABILITY,
     Hypotheses,
     MeasurementPrediction,
 )
+from trexton.field.likelihood import peaks
 from trexton.field.linear_motion import LinearMotion
 from trexton.localization.base import Area
 from trexton.localization.estimate import Estimate, Measurement

@@ -12,12 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from trexton.base.options import number
 from trexton.registration.alignment import Aligner, Alignment
-from trexton.registration.belief import CellBelief, Window
-from trexton.registration.correlation import CoarseMatcher
-from trexton.registration.ground import FRAME, Ground, fine_cell
+from trexton.registration.belief import KNOWN, CellBelief, ViewMotion, Window
+from trexton.registration.ground import FRAME, CoarseMatcher, Ground, fine_cell
 from trexton.registration.prior import ALL_HEADINGS, PosePrior, Seen
 from trexton.registration.trust import FloorFix, Trust
-from trexton.registration.view_motion import KNOWN, ViewMotion
 from trexton.vision.camera import Camera, MapImage, wrapped
 from trexton.vision.visual_odometry import VisualOdometry
 

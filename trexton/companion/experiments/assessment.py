@@ -49,7 +49,7 @@ from trexton.evaluation.metrics import (
     summarize,
 )
 from trexton.evaluation.runtime import of_frames
-from trexton.field.grid import grid_cells
+from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.methods import compose

@@ -25,7 +25,7 @@ from trexton.companion.experiments.floors import FloorParameters, mean_over_floo
 from trexton.companion.experiments.style import COLORS, canvas, legend_above, with_intervals
 from trexton.companion.experiments.track import Track, fly
 from trexton.companion.wording import distance, middle, number, percent
-from trexton.field.grid import grid_cells
+from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import counted, for_method, train_map

@@ -31,7 +31,7 @@ from trexton.evaluation.metrics import (
     mean_with_interval,
 )
 from trexton.evaluation.suitability import local_losses
-from trexton.field.grid import grid_cells
+from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.flights.registry import data_folder
 from trexton.localization.localizer import Localizer
