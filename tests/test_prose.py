@@ -29,7 +29,7 @@ from trexton.registration.mosaic import stitch
 from trexton.simulator import Floor, Light, Simulator, record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.histograms import sampled_histogram
-from trexton.vision.textons import draw_patches, learn_textons
+from trexton.vision.textons import draw_patches
 
 PAGES = [
     ROOT / "README.md",
@@ -80,7 +80,6 @@ def names(tmp_path_factory):
         "perf_counter": perf_counter,
         **{name: getattr(trexton, name) for name in trexton.__all__ if not name.startswith("_")},
         "draw_patches": draw_patches,
-        "learn_textons": learn_textons,
         "stitch": stitch,
         "sampled_histogram": sampled_histogram,
         "local_losses": local_losses,

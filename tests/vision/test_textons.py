@@ -11,7 +11,7 @@ from trexton.flights import read_flight
 from trexton.vision import kernels
 from trexton.vision import textons as textons_module
 from trexton.vision.patches import draw_patches, gather_patches
-from trexton.vision.textons import METHODS, TextonDictionary, learn_textons
+from trexton.vision.textons import METHODS, TextonDictionary
 
 
 def clusters(rng, n=3000, patch=2, noise=3.0):
@@ -29,7 +29,7 @@ def clusters(rng, n=3000, patch=2, noise=3.0):
 def test_learning_follows_its_definition_to_the_bit(rng, method, monkeypatch):
     patches = rng.integers(0, 256, (700, 3, 3, 3), dtype=np.uint8)
     learned, plain = (
-        learn_textons(patches, 7, rng=np.random.default_rng(4), method=method)
+        TextonDictionary.learn(patches, 7, rng=np.random.default_rng(4), method=method)
         for _ in _with_plain_steps(monkeypatch)
     )
     assert learned.textons.tobytes() == plain.textons.tobytes()
@@ -53,7 +53,7 @@ def test_textons_move_on_a_grid_and_large_patches_are_summed_in_double(rng):
 
 def test_kohonen_finds_separated_clusters(rng):
     patches, which = clusters(rng)
-    learned = learn_textons(patches, 4, rng=rng)
+    learned = TextonDictionary.learn(patches, 4, rng=rng)
     labels = learned.label(patches)
     assert (
         all(len(set(labels[which == cluster])) == 1 for cluster in range(4))
@@ -70,7 +70,7 @@ def test_learning_does_not_care_which_value_is_which_or_how_bright_it_is(rng, me
     patches = rng.integers(0, 200, (900, 3, 3, 3), dtype=np.uint8)
 
     def learned(of: np.ndarray) -> np.ndarray:
-        dictionary = learn_textons(of, 6, rng=np.random.default_rng(4), method=method)
+        dictionary = TextonDictionary.learn(of, 6, rng=np.random.default_rng(4), method=method)
         return dictionary.textons.astype(int).reshape(6, -1)
 
     textons, order = learned(patches), rng.permutation(27)
@@ -90,7 +90,7 @@ def test_one_step_follows_the_published_rule(monkeypatch):
     monkeypatch.setattr(textons_module, "WINNER_RATE", 0.2)
     monkeypatch.setattr(textons_module, "FIRST", 2)
     rng = np.random.default_rng(0)
-    learned = learn_textons(patches, 2, rng=rng, method="winner-take-all")
+    learned = TextonDictionary.learn(patches, 2, rng=rng, method="winner-take-all")
     low, high = 10.0, 200.0  # start
     low, high = low + 0.2 * (60 - low), high + 0.2 * (230 - high)
     assert sorted(learned.textons[:, 0, 0, 0].tolist()) == [round(low), round(high)]
@@ -171,7 +171,6 @@ def test_bad_input_is_one_clear_error(rng, flight_folder):
         ),
         (ParameterError, "n_textons is 2.5", lambda: TextonDictionary.learn(patches, 2.5, rng=rng)),
         (ParameterError, "rng is 3", lambda: TextonDictionary.learn(patches, rng=3)),
-        (ParameterError, "rng is 3", lambda: learn_textons(patches, rng=3)),
         (
             ParameterError,
             "images is -1",

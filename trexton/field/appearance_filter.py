@@ -81,13 +81,6 @@ class AppearanceFilter:
         Whether a state was chosen: while frames fit no place, none is.
     """
 
-    mean: np.ndarray
-    covariance: np.ndarray
-    levels: np.ndarray
-    _factors: np.ndarray  # log Bayes factors of the groups
-    _most: np.ndarray  # deviations at most
-    _wait: int  # frames until the next update
-
     def __init__(
         self,
         texton_map: TextonMap,

@@ -4,7 +4,8 @@ rest. Offers `cross_validate`, which gives the field's hyperparameters and a mod
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
+from functools import partial
 
 import numpy as np
 from scipy.optimize import nnls
@@ -73,19 +74,18 @@ def cross_validate(
     signal = np.tile((np.square(residuals) / uncertain[:, None]).mean(axis=0), parts)
     frames = len(rows) // parts
     noise = _noise(residuals.reshape(frames, -1), uncertain.reshape(frames, parts).mean(axis=1))
-    blocks_of_noise = tile_blocks(noise, parts)
-    bases = [Basis.of(signal[: len(each)], each, None) for each in blocks_of_noise]
+    bases = [Basis.of(signal[: len(each)], each, None) for each in tile_blocks(noise, parts)]
     centers, _ = grid_cells(area, CELLS)
     finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
     flown = np.repeat(places[::every], parts, axis=0)
-    flight = _Flight(places, features, blocks, tiles, flown, counted)
-    errors, variances, squared = flight.located(process, bases, row_blocks, centers)
+    located = partial(_located, process, tiles, bases, centers, places, features, blocks, flown)
+    errors, variances, squared = located(row_blocks, counted)
     model = ErrorModel.of(errors, time, finest)
     later = _prediction_distance(centers, places, rows, process.length, tiles, counted)
     wider = blocks_in_space(row_blocks, rows, np.repeat(time[::every], parts), later)
     revisit_inflation = 1.0
     if wider != row_blocks:
-        there, _, _ = flight.located(process, bases, wider, centers)
+        there, _, _ = located(wider, counted)
         ratio = ErrorModel.of(there, time, finest).correlated_sigma / model.correlated_sigma
         revisit_inflation = max(1.0, ratio**2)
     learned = {
@@ -122,50 +122,43 @@ def select_features(
     return best
 
 
-@dataclass(frozen=True, eq=False)
-class _Flight:
-    """Frames to locate: their places, features, and blocks that are left out; and for each row of a
-    process the place of its frame.
+def _located(
+    process: Process,
+    tiles: Tiles,
+    bases: Sequence[Basis],
+    centers: np.ndarray,
+    places: np.ndarray,
+    features: np.ndarray,
+    blocks: Sequence[Block],
+    flown: np.ndarray,
+    left_out: Sequence[Block],
+    counted: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each frame, located alone without its block: ``(N, 2)`` errors in metres, ``(N,)`` the
+    field's variance at its place, and ``(N,)`` its squared residual a feature at the best cell.
+
+    Of the process, whose rows are of frames that were `flown` there, those in `left_out` are left
+    out, for each of the blocks of frames.
     """
-
-    places: np.ndarray
-    features: np.ndarray
-    blocks: Sequence[Block]
-    tiles: Tiles
-    flown: np.ndarray
-    counted: bool
-
-    def located(
-        self,
-        process: Process,
-        bases: Sequence[Basis],
-        left_out: Sequence[Block],
-        centers: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of each frame, located alone without its block: ``(N, 2)`` errors in metres, ``(N,)`` the
-        field's variance at its place, and ``(N,)`` its squared residual a feature at the best cell.
-        Of the process the rows in `left_out` are left out.
-        """
-        places, offsets = self.places, self.tiles.offsets
-        errors, variances, residuals = np.empty_like(places), *np.empty((2, len(places)))
-        density = rbf_kernel(centers, self.flown, process.length)
-        everywhere = density.sum(axis=1)
-        footprints = [centers + offset for offset in offsets]
-        predictions = process.predict_without(left_out, footprints)
-        for block, (gone, parts) in zip(self.blocks, predictions, strict=True):
-            means, spreads = zip(*parts, strict=True)
-            variance = sum(spreads[1:], spreads[0]) / len(parts)
-            rows = block.rows
-            prior = log_prior(everywhere - density[:, gone.left_out].sum(axis=1), self.counted)
-            tables = TileTables.of(means, variance, bases)
-            posterior = tables.log_likelihoods(self.features[rows]).sum(axis=0) + prior
-            residuals[rows] = tables.squared_residual(self.features[rows], posterior.argmax(axis=1))
-            posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
-            posterior /= posterior.sum(axis=1, keepdims=True)
-            errors[rows] = posterior @ centers - places[rows]
-            near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
-            variances[rows] = variance[near]
-        return errors, variances, residuals
+    errors, variances, residuals = np.empty_like(places), *np.empty((2, len(places)))
+    density = rbf_kernel(centers, flown, process.length)
+    everywhere = density.sum(axis=1)
+    footprints = [centers + offset for offset in tiles.offsets]
+    predictions = process.predict_without(left_out, footprints)
+    for block, (gone, parts) in zip(blocks, predictions, strict=True):
+        means, spreads = zip(*parts, strict=True)
+        variance = sum(spreads[1:], spreads[0]) / len(parts)
+        rows = block.rows
+        prior = log_prior(everywhere - density[:, gone.left_out].sum(axis=1), counted)
+        tables = TileTables.of(means, variance, bases)
+        posterior = tables.log_likelihoods(features[rows]).sum(axis=0) + prior
+        residuals[rows] = tables.squared_residual(features[rows], posterior.argmax(axis=1))
+        posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
+        posterior /= posterior.sum(axis=1, keepdims=True)
+        errors[rows] = posterior @ centers - places[rows]
+        near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
+        variances[rows] = variance[near]
+    return errors, variances, residuals
 
 
 def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:

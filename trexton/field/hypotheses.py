@@ -8,14 +8,12 @@ first-order Gauss-Markov processes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from trexton.field.error_model import ErrorModel
 from trexton.field.linear_motion import LinearMotion
 
-__all__ = ["BIAS_SIGMA", "CLUTTER_PROBABILITY", "Hypotheses", "MeasurementPrediction"]
+__all__ = ["BIAS_SIGMA", "CLUTTER_PROBABILITY", "Hypotheses"]
 
 CLUTTER_PROBABILITY = 1e-3  # that a frame, or a velocity, says nothing, whatever it looks like
 BIAS_SIGMA = 0.3  # m/s along an axis, of a velocity that is biased
@@ -24,49 +22,6 @@ BIAS_DECAY_S = 2.6  # time constant of the weight of a bias that explains nothin
 BIAS_SWITCH_PROBABILITY = 1e-3  # a frame, that the bias sets in or ends
 SEPARATION = 5.0  # cells between the births of two hypotheses
 NEGLIGIBLE_WEIGHT = 1e-6  # of a hypothesis, over that of the best
-
-
-@dataclass(frozen=True, eq=False)
-class MeasurementPrediction:
-    """What ``T`` states of ``d`` numbers predict of a measurement z = H x + v, v ~ N(0, R).
-
-    Attributes
-    ----------
-    mean : (T, 2) array
-        H x.
-    covariance : (T, 2, 2) array
-        S = H P H' + R, of the innovation.
-    precision : (T, 2, 2) array
-        Its inverse.
-    """
-
-    mean: np.ndarray
-    covariance: np.ndarray
-    precision: np.ndarray
-    _states: np.ndarray
-    _covariances: np.ndarray
-    _gain: np.ndarray
-
-    @classmethod
-    def of(
-        cls, states: np.ndarray, covariances: np.ndarray, matrix: np.ndarray, noise: np.ndarray
-    ) -> MeasurementPrediction:
-        """Of `states` ``(T, d)``, their `covariances` ``(T, d, d)``, H ``(2, d)`` and R."""
-        across = covariances @ matrix.T
-        spread = matrix @ across + noise
-        precision = np.linalg.inv(spread)
-        return cls(states @ matrix.T, spread, precision, states, covariances, across @ precision)
-
-    def updated(
-        self, measured: np.ndarray, covariance: np.ndarray | float = 0.0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """States and covariances given z: `measured` ``(T, 2)`` or ``(2,)``, itself known up to a
-        `covariance` ``(T, 2, 2)``.
-        """
-        states = self._states + np.einsum("tij,tj->ti", self._gain, measured - self.mean)
-        turned = self._gain.transpose(0, 2, 1)
-        covariances = self._covariances - self._gain @ (self.covariance - covariance) @ turned
-        return states, (covariances + covariances.transpose(0, 2, 1)) / 2
 
 
 class Hypotheses:
@@ -165,6 +120,26 @@ class Hypotheses:
         covariances = transition @ self.covariances @ np.swapaxes(transition, -1, -2) + self._noise
         self.covariances = covariances + grown[:, None, None] * self._bias
 
+    def innovation(
+        self, matrix: np.ndarray, noise: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Of a measurement z = H x + v, v ~ N(0, R), with H ``(2, D + 4)`` and R ``(2, 2)``: the
+        mean ``(T, 2)`` predicted, the covariance S = H P H' + R of the innovation, its inverse, and
+        the gain ``(T, D + 4, 2)``.
+        """
+        across = self.covariances @ matrix.T
+        spread = matrix @ across + noise
+        precision = np.linalg.inv(spread)
+        return self.states @ matrix.T, spread, precision, across @ precision
+
+    def update(self, innovation: np.ndarray, gain: np.ndarray, known: np.ndarray) -> None:
+        """Update by an innovation ``(T, 2)``, whose covariance was larger by `known` ``(T, 2, 2)``
+        than that of the measurement given.
+        """
+        self.states = self.states + np.einsum("tij,tj->ti", gain, innovation)
+        covariances = self.covariances - gain @ known @ gain.transpose(0, 2, 1)
+        self.covariances = (covariances + covariances.transpose(0, 2, 1)) / 2
+
     def update_velocity(self, velocity: np.ndarray, noise: np.ndarray) -> None:
         """Update by a measured velocity with its ``(2, 2)`` noise covariance.
 
@@ -175,15 +150,15 @@ class Hypotheses:
         if not len(self):
             return
         biased, prior = self.biased, self._prior[2:4, 2:4] + noise
-        prediction = MeasurementPrediction.of(self.states, self.covariances, self.velocity, noise)
-        innovation = velocity - prediction.mean
-        self.states, self.covariances = prediction.updated(velocity)
-        squared = np.einsum("ti,tij,tj->t", innovation, prediction.precision, innovation)
+        expected, spread, precision, gain = self.innovation(self.velocity, noise)
+        innovation = velocity - expected
+        self.update(innovation, gain, spread)
+        squared = np.einsum("ti,tij,tj->t", innovation, precision, innovation)
         squared -= velocity @ np.linalg.solve(prior, velocity)
-        ratio = np.linalg.det(prediction.precision) * np.linalg.det(prior)
-        gain = np.maximum(np.sqrt(ratio) * np.exp(-0.5 * squared), CLUTTER_PROBABILITY)
-        gain[biased] = np.exp(-float(self.motion.period_s) / BIAS_DECAY_S) * gain.max()
-        weights = self.weights * gain
+        ratio = np.linalg.det(precision) * np.linalg.det(prior)
+        likelihood = np.maximum(np.sqrt(ratio) * np.exp(-0.5 * squared), CLUTTER_PROBABILITY)
+        likelihood[biased] = np.exp(-float(self.motion.period_s) / BIAS_DECAY_S) * likelihood.max()
+        weights = self.weights * likelihood
         self.weights = weights / weights.sum()
 
     def give_birth(self, mean: np.ndarray, covariance: np.ndarray) -> None:

@@ -10,8 +10,7 @@ Frames near a left-out one in time show nearly the same; so do those of another 
 place. A later flight comes less near to the survey, and errs more than blocks that were left out
 in time alone would say. They leave out what is near in space as well, until the frames left are as
 far away as a later flight will find them: nearest neighbour distance matching (Mila et al.,
-"Nearest neighbour distance matching Leave-One-Out Cross-Validation for map validation", 2022), by
-the mean.
+"Nearest neighbour distance matching Leave-One-Out Cross-Validation for map validation", 2022).
 """
 
 from __future__ import annotations
@@ -36,8 +35,7 @@ NOISES = (NOISE, 0.1, 0.3, 1.0, 3.0)
 # Lengths that are tried, as shares of the diagonal of what was flown over.
 LENGTHS = (0.03, 0.045, 0.07, 0.1, 0.15)
 # Of a block, and of what is left out before and after it.
-BLOCK_S = 1.0
-MARGIN_S = 0.5
+BLOCK_S, MARGIN_S = 1.0, 0.5
 HALVINGS = 8  # of the margin, until the distance in space is near enough
 MAX_PLACES = 1600  # places a process holds; more are merged, so that its price has an end
 

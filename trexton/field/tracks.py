@@ -23,12 +23,7 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.field.field import Field
-from trexton.field.hypotheses import (
-    BIAS_SIGMA,
-    CLUTTER_PROBABILITY,
-    Hypotheses,
-    MeasurementPrediction,
-)
+from trexton.field.hypotheses import BIAS_SIGMA, CLUTTER_PROBABILITY, Hypotheses
 from trexton.field.likelihood import peaks
 from trexton.field.linear_motion import LinearMotion
 from trexton.localization.base import Area
@@ -226,10 +221,7 @@ class TrackFilter:
         hypotheses = self.hypotheses
         if not len(hypotheses):
             return np.empty(0), np.empty((0, 2))
-        prediction = MeasurementPrediction.of(
-            hypotheses.states, hypotheses.covariances, hypotheses.frame, self._white
-        )
-        expected, precision = prediction.mean, prediction.precision
+        expected, spread, precision, gain = hypotheses.innovation(hypotheses.frame, self._white)
         offset = cells - expected[:, None]
         squared = np.einsum("tmi,tmi->tm", offset @ precision, offset)
         joint = shares * np.exp(-0.5 * squared)
@@ -242,8 +234,8 @@ class TrackFilter:
         mean = np.where(hit[:, None], joint @ cells, expected)
         offset = cells - mean[:, None]
         posterior = (offset * joint[..., None]).transpose(0, 2, 1) @ offset + self._rounding
-        posterior = np.where(hit[:, None, None], posterior, prediction.covariance)
-        hypotheses.states, hypotheses.covariances = prediction.updated(mean, posterior)
+        posterior = np.where(hit[:, None, None], posterior, spread)
+        hypotheses.update(mean - expected, gain, spread - posterior)
         return evidence, mean
 
     def _log_chance(self, evidence: np.ndarray, aided: bool) -> np.ndarray:

@@ -20,7 +20,7 @@ from trexton.flights.flight import Flight
 from trexton.localization.base import Part, learned
 from trexton.localization.lens import believable, camera_of, check_lens, known_or, learned_lens
 from trexton.localization.training_set import Training
-from trexton.vision.visual_odometry import Motion, VisualOdometry
+from trexton.vision.visual_odometry import VisualOdometry
 
 __all__ = ["Odometry", "RunningVisual", "Visual"]
 
@@ -129,18 +129,20 @@ class RunningVisual:
             self._odometry.reset()
         self._time, self._missed = now, 0
         motion = self._shift(frame, given, now)
-        if motion is None or motion.sure < self._part.sure:
+        if motion is None or motion[1] < self._part.sure:
             return aiding
         with_attitude, without = self._part.sigma.tolist()
         sigma = without if given.roll is None or given.pitch is None else with_attitude
-        return replace(given, velocity=motion.velocity, velocity_time=now, velocity_sigma=sigma)
+        return replace(given, velocity=motion[0], velocity_time=now, velocity_sigma=sigma)
 
     def _now(self, time: float | None) -> float:
         if time is not None:
             return time
         return self._time + (1 + self._missed) * self._period_s if np.isfinite(self._time) else 0.0
 
-    def _shift(self, frame: np.ndarray, given: Aiding, now: float) -> Motion | None:
+    def _shift(
+        self, frame: np.ndarray, given: Aiding, now: float
+    ) -> tuple[np.ndarray, float] | None:
         height = known_or(given.height, self._height)
         angles = [known_or(angle, 0.0) for angle in (given.roll, given.pitch, given.yaw)]
         if not believable(np.array(angles[:2]), height, self._height):

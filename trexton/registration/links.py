@@ -7,7 +7,6 @@ decimetres, and a match that is good but one tile off is the one error that no r
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +17,7 @@ from trexton.flights.flight import Flight
 from trexton.registration.homography import Keypoints, detect_keypoints, find_homography
 from trexton.registration.poses import world_from_pixel
 from trexton.vision.camera import Camera, transform_points
-from trexton.vision.threads import usable_cores
+from trexton.vision.threads import ahead
 
 __all__ = [
     "Anchors", "Links", "flight_keypoints", "match_frames", "spatial_links", "successive_links",
@@ -82,19 +81,13 @@ class Anchors:
     position: np.ndarray
 
 
-def _threads() -> ThreadPoolExecutor:
-    """A pool as large as the machine, within reason: OpenCV and NumPy release Python's lock."""
-    return ThreadPoolExecutor(min(4, usable_cores()))
-
-
 def flight_keypoints(flight: Flight, *, scale: float, limit: int) -> list[Keypoints]:
     """Keypoints of every frame."""
 
     def detect(row: int) -> Keypoints:
         return detect_keypoints(flight.image(row)[..., 0], scale=scale, limit=limit)
 
-    with _threads() as pool:
-        return list(progress(pool.map(detect, range(len(flight))), "keypoints", len(flight)))
+    return list(progress(ahead(detect, range(len(flight))), "keypoints", len(flight)))
 
 
 def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
@@ -204,10 +197,9 @@ def _all_links(
     """``(pair, homography, points)`` of every pair that `match` finds, in order."""
     from threadpoolctl import threadpool_limits
 
-    # The pool keeps every core busy; more threads inside the products would only wait for one
-    # another.
-    with threadpool_limits(1, "blas"), _threads() as pool:
-        matched = progress(pool.map(match, pairs), label, len(pairs))
+    # Every core is busy; more threads inside the products would only wait for one another.
+    with threadpool_limits(1, "blas"):
+        matched = progress(ahead(match, pairs), label, len(pairs))
         return [(pair, *links) for pair, links in zip(pairs, matched, strict=False) if links]
 
 

@@ -31,7 +31,7 @@ from trexton.base.options import whole
 from trexton.base.streams import generator
 from trexton.vision.patches import draw_patches
 
-__all__ = ["TextonDictionary", "learn_textons", "METHODS"]
+__all__ = ["METHODS", "TextonDictionary"]
 
 METHODS = ("kohonen", "winner-take-all")
 MAX_TEXTONS = 256  # a label is a byte
@@ -160,6 +160,9 @@ class TextonDictionary:
     ) -> TextonDictionary:
         """Learn a dictionary from a flight's images or from patches.
 
+        With fewer patches than textons, or fewer different ones, some textons are equal; the lowest
+        index gets all labels.
+
         Parameters
         ----------
         source : Flight or (N, P, P, 3) uint8 array
@@ -169,8 +172,21 @@ class TextonDictionary:
             K and P; P is that of the patches where patches are given.
         rng : numpy.random.Generator
         method : {"kohonen", "winner-take-all"}
-            See `learn_textons`.
+            A Kohonen network, or as in the authors' flight code.
+
+        Raises
+        ------
+        ParameterError
+            Unknown method, or a number outside its range.
+        ImageError
+            No patches, or an array of another shape or type.
+        MapError
+            The flight has no images.
         """
+        if method not in METHODS:
+            raise ParameterError(
+                f"method {method!r} is unknown: choose one of {', '.join(METHODS)}"
+            )
         rng = generator(rng)
         n_textons, images = whole(n_textons, "n_textons", 1, MAX_TEXTONS), whole(images, "images")
         if isinstance(source, np.ndarray):
@@ -183,45 +199,20 @@ class TextonDictionary:
                 )
             patch = whole(patch, "patch", 1, MAX_PATCH)
             patches = draw_patches(islice(source.images(), images), patch, patches_per_image, rng)
-        return learn_textons(patches, n_textons, rng=rng, method=method)
+        return _learned(patches, n_textons, rng, method)
 
 
-def learn_textons(
-    patches: np.ndarray,
-    n_textons: int = TEXTONS,
-    *,
-    rng: np.random.Generator,
-    method: str = "kohonen",
+def _learned(
+    patches: np.ndarray, n_textons: int, rng: np.random.Generator, method: str
 ) -> TextonDictionary:
-    """Cluster patches with a Kohonen network, or with the authors' winner-take-all.
-
-    Kohonen: patches in random order, start at random patches. At progress s in [0, 1) a texton j
+    """Kohonen: patches in random order, start at random patches. At progress s in [0, 1) a texton j
     steps away from the winner on the chain moves by ``rate(s) exp(-j^2 / (2 radius(s)^2))`` of its
     difference to the patch, where ``rate(s) = RATE[0] (RATE[1] / RATE[0])^s`` and likewise the
     radius.
 
     Winner-take-all: patches in the order given, start at random patches of the first image; only
     the winner moves, by `WINNER_RATE`.
-
-    With fewer patches than textons, or fewer different ones, some textons are equal; the lowest
-    index gets all labels.
-
-    Parameters
-    ----------
-    patches : (N, P, P, 3) uint8 array
-    n_textons : int
-        K.
-
-    Raises
-    ------
-    ParameterError
-        Unknown method, or K outside its range.
-    ImageError
-        No patches, or an array of another shape or type.
     """
-    if method not in METHODS:
-        raise ParameterError(f"method {method!r} is unknown: choose one of {', '.join(METHODS)}")
-    rng, n_textons = generator(rng), whole(n_textons, "n_textons", 1, MAX_TEXTONS)
     patches = _check_patches(patches)
     if not len(patches):
         raise ImageError("no patches to learn textons from: give an image as large as a patch")

@@ -7,8 +7,6 @@ floor without texture disturb it; light does not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +15,7 @@ from trexton.base.errors import ImageError, ParameterError
 from trexton.base.options import whole
 from trexton.vision.camera import Camera, transform_points
 
-__all__ = ["Motion", "VisualOdometry", "followed", "shrink", "shrunken_camera"]
+__all__ = ["VisualOdometry", "followed", "shrink", "shrunken_camera"]
 
 _LEVEL = np.zeros(3)
 FEWEST = 12  # points that must be followed from frame to frame, and agree
@@ -56,30 +54,6 @@ def followed(before: np.ndarray, after: np.ndarray, most: int) -> tuple[np.ndarr
     if matrix is None or inliers.sum() < FEWEST:
         return None
     return matrix, float(inliers.sum() / len(points))
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """What happened between two frames.
-
-    Attributes
-    ----------
-    displacement : (2,) array
-        Metres along the world's axes; along the vehicle's, where no heading was given.
-    seconds : float
-        Between the frames.
-    sure : float
-        Height of the correlation's peak, 0 to 1; below about 0.1 the frames have nothing in common.
-    """
-
-    displacement: NDArray[np.float64]
-    seconds: float
-    sure: float
-
-    @property
-    def velocity(self) -> NDArray[np.float64]:
-        """``(2,)`` metres a second."""
-        return self.displacement / self.seconds
 
 
 class VisualOdometry:
@@ -135,8 +109,11 @@ class VisualOdometry:
 
     def step(
         self, image: np.ndarray, time: float, *, height: float, attitude: ArrayLike | None = None
-    ) -> Motion | None:
-        """Motion since the frame before; None for the first.
+    ) -> tuple[NDArray[np.float64], float] | None:
+        """``(2,)`` metres a second since the frame before, along the world's axes (the vehicle's,
+        without a heading), and how sure, 0 to 1; None for the first.
+
+        Below about 0.1 two frames have nothing in common.
 
         Parameters
         ----------
@@ -174,7 +151,7 @@ class VisualOdometry:
         right, up = shift * height / self.camera.focal
         seen = np.array([cosine * right - sine * up, sine * right + cosine * up])
         turned = self._aim(height, now) - self._aim(height, np.array([*last[1][:2], now[2]]))
-        return Motion(seen - turned, time - last[0], sure)
+        return (seen - turned) / (time - last[0]), sure
 
     def _aim(self, height: float, attitude: NDArray[np.float64]) -> NDArray[np.float64]:
         """From the point below the camera to the floor point in the middle of the image."""

@@ -21,7 +21,7 @@ from trexton.companion.wording import number
 from trexton.flights.flight import Flight
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.patches import draw_patches, position_grid
-from trexton.vision.textons import TextonDictionary, learn_textons
+from trexton.vision.textons import TextonDictionary
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     rng = stream(parameters.seed, "training")  # the stream that maps are trained with
     per_image = parameters.patches_per_image
     patches = draw_patches(islice(train.images(), parameters.images), 6, per_image, rng)
-    dictionary = learn_textons(patches, parameters.textons, rng=rng)
+    dictionary = TextonDictionary.learn(patches, parameters.textons, rng=rng)
     texton_map = trained_map(train, textons=parameters.textons, seed=parameters.seed)
     frequency = texton_map.histograms.mean(axis=0)
     places = place_frequencies(
