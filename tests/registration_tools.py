@@ -6,7 +6,8 @@ from functools import cache
 
 import numpy as np
 
-from trexton.registration import FloorFix, FloorTracker
+from trexton.registration.tracker import FloorTracker
+from trexton.registration.trust import FloorFix
 from trexton.simulator import Effects, Floor, Plan, Simulator, random_waypoints
 from trexton.vision.camera import Camera
 

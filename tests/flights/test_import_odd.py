@@ -18,7 +18,7 @@ from trexton.flights.importers.recording import PoseTrack
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
 from trexton.onboard.sources import open_source
-from trexton.vision.images import check_size
+from trexton.vision.images import read_image
 
 
 def table(folder, rows, head="t,x,y,image"):
@@ -70,7 +70,7 @@ def test_a_flight_beside_its_source_s_files_is_replaced(tmp_path):
 def test_pictures_that_are_nearly_square_or_tiny_keep_their_sides(tmp_path, size, suffix):
     file = tmp_path / f"p.{suffix}"
     cv2.imwrite(str(file), picture(0, size))
-    assert check_size(file) == size
+    assert read_image(file).shape[1::-1] == size
 
 
 def test_rows_without_a_place_are_no_positions(tmp_path):

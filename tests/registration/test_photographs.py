@@ -11,10 +11,11 @@ import pytest
 
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.registration import FloorTracker, Trust
 from trexton.registration import mosaic as stitching
 from trexton.registration.homography import HomographyLocalizer
 from trexton.registration.mosaic import flight_camera, stitch
+from trexton.registration.tracker import FloorTracker
+from trexton.registration.trust import Trust
 
 FOLDER = Path(os.environ.get("TREXTON_DATA", "../shared/data")) / "seneca"
 

@@ -12,11 +12,11 @@ import pytest
 from registration_tools import CAMERA, errors, flight, waypoints
 
 from trexton.base.errors import ImageError, MapError, ParameterError
-from trexton.registration import FloorFix, FloorTracker, Trust
 from trexton.registration.alignment import Aligner
 from trexton.registration.belief import CellBelief
 from trexton.registration.ground import CoarseMatcher, Ground, fine_cell
-from trexton.registration.trust import learn_trust
+from trexton.registration.tracker import FloorTracker
+from trexton.registration.trust import FloorFix, Trust, learn_trust
 from trexton.simulator import Floor, Simulator
 from trexton.vision.camera import MapImage, transform_points
 from trexton.vision.visual_odometry import shrink, shrunken_camera

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from registration_tools import CAMERA, errors, flight, waypoints
 
-from trexton.registration import FloorTracker
 from trexton.registration.alignment import Alignment
 from trexton.registration.prior import PosePrior
+from trexton.registration.tracker import FloorTracker
 from trexton.simulator import Floor
 
 

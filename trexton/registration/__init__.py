@@ -5,8 +5,3 @@ cross-correlation at a coarse resolution gives a belief over the whole floor, mo
 frame by visual odometry; optical flow against the view expected at the most likely places gives the
 camera's pose.
 """
-
-from trexton.registration.tracker import FloorTracker
-from trexton.registration.trust import FloorFix, Trust
-
-__all__ = ["FloorFix", "FloorTracker", "Trust"]

@@ -122,13 +122,7 @@ def _stitched(flight: Flight, camera: Camera, anchors: int, scale: float, keypoi
     for reach in _REACHES:
         links = links + spatial_links(described, poses, camera, _NEIGHBORS, reach, linked)
         poses = adjust(poses, links, held, camera.focal, widths=(8, 4, 2))
-    return _finished(flight, poses, links, held, camera)
-
-
-def _finished(
-    flight: Flight, poses: np.ndarray, links: Links, held: Anchors, camera: Camera
-) -> Mosaic:
-    """Drop the links that contradict the others, adjust once more, blend."""
+    # Drop the links that contradict the others, adjust once more.
     agreeing = _median_errors(poses, links, camera) < _TRUSTED
     links, rejected = links[agreeing], int((~agreeing).sum())
     used = _placed(len(flight), links, held.rows)

@@ -1,7 +1,6 @@
 """The virtual room: floor, vehicle and camera; live as `Simulator`, or recorded as a Flight."""
 
-from trexton.simulator.floor import Floor, Light
-from trexton.simulator.layouts import LAYOUTS
+from trexton.simulator.floor import LAYOUTS, Floor, Light
 from trexton.simulator.recording import PATTERNS, Plan, random_waypoints, record_flight, survey
 from trexton.simulator.sensor import Effects
 from trexton.simulator.simulator import PERIOD, Simulator

@@ -1,10 +1,11 @@
 """The floor of the virtual room. Offers `Floor`: a picture with a place, plain ground around it,
-and light."""
+and light; and `LAYOUTS` of painted ones, of which some repeat a print, to mislead a localizer."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -13,12 +14,11 @@ import numpy as np
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.options import number
 from trexton.simulator.hall import paint_hall
-from trexton.simulator.layouts import layout
-from trexton.simulator.mats import PIXELS_PER_METRE
+from trexton.simulator.mats import HALL, PIXELS_PER_METRE, Placement
 from trexton.vision.camera import MapImage
 from trexton.vision.images import read_picture
 
-__all__ = ["Floor", "Light", "Texture"]
+__all__ = ["LAYOUTS", "Floor", "Light", "Texture"]
 
 MARGIN = 1.25  # metres of ground around it: a camera above its edge still sees something
 GROUND = (140, 147, 150)  # BGR of bare concrete
@@ -175,11 +175,53 @@ def _side(side: str, metres: float) -> float:
     return number(metres, f"the floor's {side}", low=0.5, high=50)
 
 
+def _hall(rng: np.random.Generator) -> tuple[Placement, ...]:
+    return HALL
+
+
+def _moved(rng: np.random.Generator) -> tuple[Placement, ...]:
+    """The eight mats, each in the place of another."""
+    order = rng.permutation(len(HALL))
+    return tuple(
+        replace(place, mat=HALL[other].mat) for place, other in zip(HALL, order, strict=True)
+    )
+
+
+def _repeats(rng: np.random.Generator) -> tuple[Placement, ...]:
+    """Two prints, each laid four times, equal to the pixel."""
+    names = rng.choice([place.mat for place in HALL], 2, replace=False)
+    return tuple(
+        replace(place, mat=str(names[i % 2]), width=1.2, height=1.0, print_seed=int(i % 2))
+        for i, place in enumerate(HALL)
+    )
+
+
+def _few(rng: np.random.Generator) -> tuple[Placement, ...]:
+    """Two mats on bare boards."""
+    return tuple(HALL[i] for i in sorted(rng.choice(len(HALL), 2, replace=False)))
+
+
+def _carpet(rng: np.random.Generator) -> tuple[Placement, ...]:
+    """One print from wall to wall."""
+    return (Placement(HALL[int(rng.integers(len(HALL)))].mat, 2.5, 2.5, 4.9, 4.9),)
+
+
+LAYOUTS: dict[str, Callable[[np.random.Generator], tuple[Placement, ...]]] = {
+    "hall": _hall,
+    "moved": _moved,
+    "repeats": _repeats,
+    "few": _few,
+    "carpet": _carpet,
+}
+
+
 @lru_cache(maxsize=2)
-def _painted(name: str, seed: int) -> Floor:
+def _painted(layout: str, seed: int) -> Floor:
+    if layout not in LAYOUTS:
+        raise ParameterError(f"layout {layout!r} is unknown: choose one of {', '.join(LAYOUTS)}")
     # Older than named streams; others would lay other floors, and every figure of every record.
     laid, painted = np.random.default_rng([seed, 1]), np.random.default_rng(seed)
-    return Floor(paint_hall(painted, layout(name, laid)))
+    return Floor(paint_hall(painted, LAYOUTS[layout](laid)))
 
 
 def _illuminate(canvas: np.ndarray, light: Light) -> None:

@@ -8,8 +8,17 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from trexton.simulator.layouts import HALL, Placement
-from trexton.simulator.mats import MATS, PIXELS_PER_METRE, bgr, grain, polygon, turning
+from trexton.simulator.mats import (
+    HALL,
+    MATS,
+    PIXELS_PER_METRE,
+    Placement,
+    bgr,
+    grain,
+    line,
+    polygon,
+    turning,
+)  # fmt: skip
 from trexton.vision.camera import MapImage, outline
 
 __all__ = ["SIDE", "LANDING_CIRCLE", "paint_hall"]
@@ -234,10 +243,7 @@ class _Hall:
         path = start + np.cumsum(0.022 * np.column_stack([np.cos(steps), np.sin(steps)]), axis=0)
         pixels = self.map.to_pixels(path)
         for shift, thickness, color in ((5, 9, "6b4a2e"), (0, 8, "23232b"), (-1, 2, "6c757d")):
-            fixed = np.round((pixels + shift) * 16).astype(np.int32)
-            cv2.polylines(
-                self.picture, [fixed], False, bgr(color)[0].tolist(), thickness, cv2.LINE_AA, 4
-            )
+            line(self.picture, pixels + shift, bgr(color)[0], thickness)
 
     def _box(self, center: Pair, size: Pair, color: np.ndarray) -> None:
         turn = self.rng.uniform(-0.6, 0.6)

@@ -1,4 +1,5 @@
-"""Printed mats for the virtual hall: each function paints ``(height, width, 3) uint8`` BGR.
+"""Printed mats for the virtual hall: each function paints ``(height, width, 3) uint8`` BGR; and how
+the mats lie there.
 
 Some repeat a motif, which misleads a localizer that sees only one of them; others never show the
 same thing twice. A mat follows from its size and the generator.
@@ -6,11 +7,15 @@ same thing twice. A mat follows from its size and the generator.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["MATS", "PIXELS_PER_METRE", "bgr", "grain", "polygon", "turning"]
+__all__ = [
+    "HALL", "MATS", "PIXELS_PER_METRE", "Placement", "bgr", "grain", "line", "polygon", "turning",
+]  # fmt: skip
 
 PIXELS_PER_METRE = 512  # a camera of 520 px focal length at 1 m sees 520 px/m
 _SUBPIXEL = 4  # fractional bits of OpenCV's drawing coordinates
@@ -55,7 +60,7 @@ def _disc(
     cv2.circle(image, fixed[:2], fixed[2], ink, thickness, cv2.LINE_AA, _SUBPIXEL)
 
 
-def _line(
+def line(
     image: np.ndarray, points: ArrayLike, color: np.ndarray, thickness: int, closed: bool = False
 ) -> None:
     fixed = np.round(np.asarray(points) * 2**_SUBPIXEL).astype(np.int32)
@@ -105,7 +110,7 @@ def tiles(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     polygon(tile, _ring_of(middle, 36, 8, np.pi / 8, 0.55), brick)
     polygon(tile, _ring_of(middle, 17, 4, 0, 0.6), white)
     corners = [[0, 0], [side, 0], [side, side], [0, side]]
-    _line(tile, corners, bgr("b8b0a2")[0], 2, closed=True)
+    line(tile, corners, bgr("b8b0a2")[0], 2, closed=True)
     repeats = [-(-length // side) for length in size]
     return np.tile(tile, (*repeats, 1))[: size[0], : size[1]].copy()
 
@@ -155,10 +160,10 @@ def town(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         middle = rng.uniform(0.1, 0.9)
         across = middle + 0.13 * np.sin(along * rng.uniform(4, 9) + rng.uniform(0, 6))
         path = np.column_stack([along, across] if number % 2 else [across, along]) * size[::-1]
-        _line(mat, path, bgr("f2e9dc")[0], 40)
-        _line(mat, path, bgr("5c6378")[0], 33)
+        line(mat, path, bgr("f2e9dc")[0], 40)
+        line(mat, path, bgr("5c6378")[0], 33)
         for start in range(0, 59, 3):
-            _line(mat, path[start : start + 2], bgr("fdf6e3")[0], 3)
+            line(mat, path[start : start + 2], bgr("fdf6e3")[0], 3)
     return mat
 
 
@@ -170,7 +175,7 @@ def _house(mat: np.ndarray, center: ArrayLike, roof: np.ndarray, rng: np.random.
     polygon(mat, corners + 4, bgr("31572c")[0])
     polygon(mat, corners, roof)
     polygon(mat, [a, b, (b + c) / 2, (a + d) / 2], roof * 0.75)
-    _line(mat, corners, bgr("3d2c2e")[0], 2, closed=True)
+    line(mat, corners, bgr("3d2c2e")[0], 2, closed=True)
 
 
 def leaves(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
@@ -185,7 +190,7 @@ def leaves(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         outline, axes = np.concatenate([upper, lower[::-1]]) * length, turning(turn)
         ink = inks[rng.integers(len(inks))]
         polygon(mat, outline @ axes + (x, y), ink)
-        _line(mat, np.array([[-1.35 * length, 0], [0.9 * length, 0]]) @ axes + (x, y), ink * 0.6, 2)
+        line(mat, np.array([[-1.35 * length, 0], [0.9 * length, 0]]) @ axes + (x, y), ink * 0.6, 2)
     return mat
 
 
@@ -207,7 +212,7 @@ def bauhaus(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
                 direction = np.array([np.cos(turn), np.sin(turn)])
                 middle = np.array([x, y]) + offset * 13 * direction[::-1] * (1, -1)
                 ends = [middle - radius * direction, middle + radius * direction]
-                _line(mat, ends, first if offset % 2 else second, 6)
+                line(mat, ends, first if offset % 2 else second, 6)
         else:
             _disc(mat, (x, y), radius, first, 11)
             _disc(mat, (x, y), radius * 0.55, second, 6)
@@ -250,3 +255,33 @@ def terrazzo(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
 
 
 MATS = {mat.__name__: mat for mat in (waves, tiles, rug, town, leaves, bauhaus, puzzle, terrazzo)}
+
+
+@dataclass(frozen=True)
+class Placement:
+    """One mat: its print, centre and size in metres.
+
+    Attributes
+    ----------
+    print_seed : int or None
+        Mats of one seed and size show the same print to the pixel; None paints a new one.
+    """
+
+    mat: str
+    x: float
+    y: float
+    width: float
+    height: float
+    print_seed: int | None = None
+
+
+HALL = (
+    Placement("rug", 0.98, 4.12, 1.50, 1.20),
+    Placement("waves", 2.62, 4.22, 1.30, 1.05),
+    Placement("town", 4.17, 3.93, 1.35, 1.50),
+    Placement("tiles", 0.80, 2.42, 1.15, 1.30),
+    Placement("bauhaus", 4.24, 2.16, 1.15, 1.25),
+    Placement("puzzle", 0.96, 0.84, 1.50, 1.20),
+    Placement("leaves", 2.66, 0.80, 1.30, 1.15),
+    Placement("terrazzo", 4.26, 0.74, 1.20, 1.00),
+)

@@ -118,11 +118,6 @@ class Vehicle:
         """Brake and come down; the vehicle still drifts until it touches the ground."""
         self._landing = True
 
-    def take_off(self, height: float) -> None:
-        """Stand at `height` again at once, where it landed."""
-        self._landing = self._landed = False
-        self._height = height
-
     def teleport(self, position: ArrayLike) -> None:
         """Put the vehicle elsewhere, at rest (a kidnapping)."""
         self._xy, self._velocity = np.array(position, dtype=float), np.zeros(2)

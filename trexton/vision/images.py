@@ -19,7 +19,7 @@ from trexton.base.errors import ImageError
 from trexton.base.files import read_bytes
 
 __all__ = [
-    "bgr_from_yuv", "blur_effect", "check_capture", "check_image", "check_size", "checked_bytes",
+    "bgr_from_yuv", "blur_effect", "check_capture", "check_image", "checked_bytes",
     "decode", "decode_image", "natural_order", "read_image", "read_picture", "yuv_from_bgr",
     "yuv_from_uyvy",
 ]  # fmt: skip
@@ -163,24 +163,6 @@ def check_capture(capture: Any, source: object) -> None:
             f"{source}: declares {width:.0f}x{height:.0f} pixels: "
             f"expected at most {MOST_PIXELS:,}, shrink it"
         )
-
-
-def check_size(path: Path) -> tuple[int, int]:
-    """Width and height of an image file as it will be decoded (turned as its EXIF says).
-
-    Raises
-    ------
-    ImageError
-        See `read_image`.
-    """
-    image = decode(checked_bytes(path), cv2.IMREAD_REDUCED_GRAYSCALE_8)
-    size = declared_size(path.read_bytes()[:65536])
-    if image is None or size is None or image.shape[0] == image.shape[1] and size[0] != size[1]:
-        whole = read_image(path)
-        return whole.shape[1], whole.shape[0]
-    # The small picture tells which way round the large one will be, unless it is square.
-    wide = image.shape[1] >= image.shape[0]
-    return (max(size), min(size)) if wide else (min(size), max(size))
 
 
 def read_picture(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | None] | None:

@@ -33,7 +33,7 @@ from trexton.companion.build.workers import Call, workers
 from trexton.companion.experiments.declaration import Experiment, SeedParameters
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import made_by
-from trexton.simulator.layouts import LAYOUTS
+from trexton.simulator.floor import LAYOUTS
 
 __all__ = ["Floors", "SweepPlan", "Swept", "read_plan", "sweep"]
 

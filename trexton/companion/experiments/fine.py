@@ -28,8 +28,8 @@ from trexton.companion.experiments.track import HELD
 from trexton.evaluation.metrics import euclidean, mean_over_groups, mean_with_interval, success_rate
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
-from trexton.registration import FloorTracker, Trust
-from trexton.registration.trust import learn_trust
+from trexton.registration.tracker import FloorTracker
+from trexton.registration.trust import Trust, learn_trust
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.simulator.vehicle import VehicleState
 

@@ -15,7 +15,7 @@ from trexton.base.errors import FlightError, ParameterError
 from trexton.base.progress import progress
 from trexton.flights.frames import Frames, ImageFiles
 from trexton.flights.importers.recording import Recording
-from trexton.vision.images import bgr_from_yuv, check_size, checked_bytes, decode
+from trexton.vision.images import bgr_from_yuv, checked_bytes, decode, read_image
 from trexton.vision.rectification import Rectification
 
 __all__ = ["Change", "write_images"]
@@ -101,9 +101,9 @@ def write_images(frames: Frames, change: Change, folder: Path) -> tuple[ImageFil
 
 
 def _usual_size(frames: Frames) -> tuple[int, int]:
-    """The commonest width and height: of files by their heads, else of the first frame."""
+    """The commonest width and height of files, else those of the first frame."""
     if isinstance(frames, ImageFiles):
-        return Counter(check_size(file) for file in frames.files).most_common(1)[0][0]
+        return Counter(read_image(file).shape[1::-1] for file in frames.files).most_common(1)[0][0]
     height, width = frames[0].shape[:2]
     return width, height
 
