@@ -165,9 +165,6 @@ def test_what_it_lacks_is_named(fine, flights):
         with_parts(fine, {"filter": Registration()})
     with pytest.raises(MapError, match="train on a flight with images"):
         with_parts(fine, {"filter": Registration()}, flight=replace(train, frames=None))
-    with pytest.raises(MapError, match="no picture of its floor"):
-        bare = replace(train, floor_file=None)
-        with_parts(fine, {"filter": Registration(picture="surveyed")}, flight=bare)
     with pytest.raises(MapError, match="lacks the camera's heights.*stitch the picture"):
         with_parts(fine, {"filter": Registration()}, flight=replace(train, height=None))
     with pytest.raises(MapError, match="heights of flight .* are not above its floor.*stitch"):
@@ -177,7 +174,5 @@ def test_what_it_lacks_is_named(fine, flights):
         Registration().open({}, fine, np.random.default_rng(0))
     with pytest.raises(MapError, match=r"a camera of 2 numbers"):
         fine.parts["filter"].with_learned(camera=np.zeros(2))
-    with pytest.raises(ParameterError, match="auto, surveyed, stitched"):
-        Registration(picture="painted")
     with pytest.raises(ParameterError, match="height_sigma"):
         Registration(height_sigma=0.0)

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Registration", "RunningRegistration"]
 
-PICTURES = ("auto", "surveyed", "stitched")  # of the floor
 _LEARN = 250  # training frames, at most, that trust is learned from
 _RECENT = 4  # fixes in a row that a velocity is taken from
 _BENDS = 0.5  # m/s^2: what a vehicle accelerates meanwhile, one standard deviation along an axis
@@ -48,11 +47,6 @@ class Registration(Filter):
     needs = {"motion": MotionModel, "measurement": RankMixture}
     knows_velocity: ClassVar[bool] = True
     knows_heading: ClassVar[bool] = True
-    picture: str = option(
-        "auto",
-        "the training flight's picture of the floor, a mosaic of its frames, or the former if any",
-        choices=PICTURES,
-    )
     attitude_sigma: float = option(
         0.007, "standard deviation of the autopilot's attitude, radians, if it comes", above=0
     )
@@ -96,7 +90,7 @@ class Registration(Filter):
                 "coarse to fine looks at images, and this training set has none: "
                 "train on a flight with images"
             )
-        picture, lens = _surroundings(flight, self.picture)
+        picture, lens = _surroundings(flight)
         camera, height = camera_of(lens)
         ground = Ground.from_map(picture, fine_cell(camera, height))
         fitted = self.with_learned(
@@ -239,14 +233,11 @@ def _stored(trust: Trust) -> np.ndarray:
     return np.array([trust.coarse, trust.fine, trust.least, trust.scale, trust.floor])
 
 
-def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, np.ndarray]:
-    """The picture of the floor, the camera and its usual height; see `learned_lens`."""
-    if wanted == "surveyed" and flight.floor is None:
-        raise MapError(
-            f"flight {flight.name!r} has no picture of its floor: "
-            "name one in flight.toml, or stitch it"
-        )
-    if flight.floor is not None and wanted != "stitched":
+def _surroundings(flight: Flight) -> tuple[MapImage, np.ndarray]:
+    """The flight's picture of the floor, or a mosaic of its frames where it has none; the camera
+    and its usual height, see `learned_lens`.
+    """
+    if flight.floor is not None:
         return flight.floor, learned_lens(flight, "stitch the picture")
     from trexton.registration.mosaic import flight_camera, stitch  # SciPy: on the ground only
 

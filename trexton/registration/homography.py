@@ -147,28 +147,19 @@ class HomographyLocalizer:
 
     def locate(self, image: np.ndarray) -> HomographyFix:
         """Locate one ``(H, W, 3) uint8`` Y, U, V frame on the map."""
-        return self.fix(self.describe(image), image.shape[:2])
-
-    def describe(self, image: np.ndarray) -> Keypoints:
-        """The keypoints of a frame, the longest part of locating it; the same for every map."""
         luma = cv2.extractChannel(check_image(image), 0)
-        return detect_keypoints(luma, scale=self.scale, limit=KEYPOINTS)
-
-    def fix(self, frame: Keypoints, shape: tuple[int, int]) -> HomographyFix:
-        """Locate a frame of `shape` (rows, columns) by its keypoints."""
-        source, target = self._match(frame)
+        frame = detect_keypoints(luma, scale=self.scale, limit=KEYPOINTS)
+        source = target = frame.points
+        if len(frame):
+            nearest, squared = self._index.knnSearch(
+                frame.descriptors, 2, params={"checks": _CHECKS}
+            )
+            good = squared[:, 0] < _RATIO**2 * squared[:, 1]
+            source, target = frame.points[good], self._map.points[nearest[good, 0]]
         homography, inliers = find_homography(source, target, _THRESHOLD)
         if homography is None:
             return HomographyFix(np.full(2, np.nan), len(source), 0)
-        center = transform_points(homography, [[(shape[1] - 1) / 2, (shape[0] - 1) / 2]])
-        return HomographyFix(
-            self.map_image.to_world(center)[0], len(source), int(inliers.sum()), homography
-        )
-
-    def _match(self, frame: Keypoints) -> tuple[np.ndarray, np.ndarray]:
-        """``(M, 2)`` matched points in the frame and on the map."""
-        if not len(frame):
-            return frame.points, frame.points
-        nearest, squared = self._index.knnSearch(frame.descriptors, 2, params={"checks": _CHECKS})
-        good = squared[:, 0] < _RATIO**2 * squared[:, 1]
-        return frame.points[good], self._map.points[nearest[good, 0]]
+        rows, columns = luma.shape
+        center = transform_points(homography, [[(columns - 1) / 2, (rows - 1) / 2]])
+        position = self.map_image.to_world(center)[0]
+        return HomographyFix(position, len(source), int(inliers.sum()), homography)

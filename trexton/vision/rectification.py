@@ -23,7 +23,7 @@ __all__ = ["BLACK_YUV", "Rectification"]
 BLACK_YUV = (0, 128, 128)
 MOST = 2**16  # pixels of a side
 COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # so many does OpenCV take
-_KEYS = "source_px, crop_px, size_px, focal_px, center_px and distortion"
+_KEYS = ("source_px", "crop_px", "size_px", "focal_px", "center_px", "distortion")
 Size = tuple[int, int]
 
 
@@ -162,14 +162,13 @@ class Rectification:
             Something is missing, or cannot be.
         """
         try:
+            if set(table) != set(_KEYS):
+                raise ValueError("other names")
             values = {name.removesuffix("_px"): value for name, value in table.items()}
-            names = ("source", "crop", "size", "center", "distortion")
-            lists = {name: tuple(values.pop(name)) for name in names}
             focal = values.pop("focal")
-        except (KeyError, TypeError, ValueError) as error:
+            return cls(focal=focal, **{name: tuple(value) for name, value in values.items()})
+        except (TypeError, ValueError) as error:
             raise ParameterError(
-                f"a rectification of {', '.join(table) or 'nothing'} ({error}): expected {_KEYS}"
+                f"a rectification of {', '.join(table) or 'nothing'} ({error}): expected "
+                + ", ".join(_KEYS)
             ) from None
-        if values:
-            raise ParameterError(f"a rectification of {', '.join(values)}: expected {_KEYS}")
-        return cls(**lists, focal=focal)

@@ -47,19 +47,18 @@ def in_strips(work: Callable[[slice], T], rows: int) -> list[T]:
 
 
 def in_threads(work: Callable[[S], T], items: Sequence[S]) -> list[T]:
-    """Call `work` on each of the items, the first of them in this thread.
+    """Call `work` on each of the items, in several threads.
 
     Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep
     beside the BLAS's own.
     """
-    others = min(thread_count(), len(items)) - 1
-    if others < 1:
+    threads = min(thread_count(), len(items))
+    if threads < 2:
         return [work(item) for item in items]
     from concurrent.futures import ThreadPoolExecutor  # it takes a while to load
 
-    with ThreadPoolExecutor(others, initializer=_work) as pool:
-        waiting = [pool.submit(work, item) for item in items[1:]]
-        return [work(items[0]), *(future.result() for future in waiting)]
+    with ThreadPoolExecutor(threads, initializer=_work) as pool:
+        return list(pool.map(work, items))
 
 
 def ahead(work: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:
