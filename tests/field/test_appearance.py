@@ -14,7 +14,7 @@ from trexton.localization.training import train_map, with_choices
 from trexton.simulator import Floor, Light, Plan, Simulator, random_waypoints, record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.correction import corrected_frame, corrected_patches
-from trexton.vision.patches import gather_patches, sample_positions
+from trexton.vision.images import gather_patches, sample_positions
 
 CAMERA = Camera(width=240, height=180, focal=195.0)
 
@@ -122,11 +122,6 @@ def test_frames_of_another_floor_are_not_silently_wrong(surveyed, tmp_path):
     _, texton_map = surveyed
     errors, lost, _ = flown((Floor.painted("hall", 77), texton_map))
     assert ((errors > 0.3) & ~lost).mean() <= 0.05
-
-
-def test_light_alone_leaves_the_heading(surveyed):
-    _, _, appearance = flown(surveyed, frames=12, **{"appearance.turning": False})
-    assert appearance.mean[3] == 0
 
 
 def test_equal_seeds_give_equal_flights(surveyed):

@@ -10,9 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.field.cross_validation import _error_coefficients
-from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.field import Field
-from trexton.field.likelihood import grid_cells
+from trexton.field.likelihood import ErrorModel, error_terms, grid_cells
 from trexton.field.linear_motion import Singer
 from trexton.field.tracks import TrackFilter
 from trexton.localization.localizer import Localizer

@@ -13,7 +13,7 @@ from trexton.vision.histograms import (
     sampled_histogram,
     texton_histogram,
 )
-from trexton.vision.patches import gather_patches
+from trexton.vision.images import gather_patches
 from trexton.vision.textons import TextonDictionary
 from trexton.vision.threads import ahead, in_strips, in_threads, thread_count
 

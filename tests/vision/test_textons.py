@@ -10,7 +10,7 @@ from trexton.base.errors import ImageError, MapError, ParameterError, TrextonErr
 from trexton.flights import read_flight
 from trexton.vision import kernels
 from trexton.vision import textons as textons_module
-from trexton.vision.patches import draw_patches, gather_patches
+from trexton.vision.images import draw_patches, gather_patches
 from trexton.vision.textons import METHODS, TextonDictionary
 
 

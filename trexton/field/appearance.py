@@ -10,7 +10,6 @@ from typing import Self
 
 import numpy as np
 
-from trexton.base.options import option
 from trexton.field.appearance_filter import AppearanceFilter
 from trexton.field.field import Field
 from trexton.localization.base import Part, learned
@@ -44,9 +43,6 @@ class Tracked(Appearance):
     """Follows light, heading and height by the evidence of a field; nothing of histograms."""
 
     needs = {"measurement": Field}
-    trials: int = option(16, "states tried about the last one", low=8, high=1000)
-    patches: int = option(300, "of a frame, on which states are tried", low=20, high=100_000)
-    turning: bool = option(True, "follow heading and height too, not only the light")
     survey_yaw: np.ndarray = learned()  # () radians, of a survey that held its heading; else NaN
 
     def fit(self, training: Training) -> Self:
@@ -62,7 +58,4 @@ class Tracked(Appearance):
     def open(self, texton_map: TextonMap, rng: np.random.Generator) -> AppearanceFilter | None:
         if texton_map.dictionary is None:
             return None
-        yaw = float(self.survey_yaw) if self.turning else np.nan
-        return AppearanceFilter(
-            texton_map, rng.spawn(1)[0], self.trials, self.patches, turning=self.turning, yaw=yaw
-        )
+        return AppearanceFilter(texton_map, rng.spawn(1)[0], float(self.survey_yaw))

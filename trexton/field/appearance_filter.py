@@ -34,6 +34,7 @@ from trexton.vision.correction import (
 
 __all__ = ["AppearanceFilter"]
 
+TRIALS, PATCHES = 16, 300  # states tried about the last one, and on how many patches of a frame
 PRIOR_SIGMA = np.array([0.25, 0.04, 0.04, 0.0, 0.1])  # about the survey; of any heading
 START_SIGMA = np.array([0.08, 0.02, 0.02, 0.1, 0.04])  # about a state that was just chosen
 FOLLOW_SIGMA = np.array([0.03, 0.01, 0.01, 0.03, 0.02])  # at most, while it is followed
@@ -81,25 +82,15 @@ class AppearanceFilter:
         Whether a state was chosen: while frames fit no place, none is.
     """
 
-    def __init__(
-        self,
-        texton_map: TextonMap,
-        rng: np.random.Generator,
-        trials: int,
-        patches: int,
-        *,
-        turning: bool,
-        yaw: float,
-    ):
-        self._turning, self._survey_yaw, self._rng = turning, yaw, rng
+    def __init__(self, texton_map: TextonMap, rng: np.random.Generator, survey_yaw: float):
+        self._survey_yaw, self._rng = survey_yaw, rng
         self._period_s = texton_map.period_s
-        self._evidence = FrameEvidence(texton_map, patches, rng)
+        self._evidence = FrameEvidence(texton_map, PATCHES, rng)
         self._offsets = texton_map.parts["measurement"].offsets
-        drawn = self._rng.standard_normal((trials, STATES))
+        drawn = self._rng.standard_normal((TRIALS, STATES))
         drawn -= drawn.mean(axis=0)
         root = np.linalg.cholesky(np.cov(drawn.T))
         self._proposals = np.vstack([0 * drawn[:1], drawn @ np.linalg.inv(root).T])
-        self._free = np.arange(STATES if turning else HEADING)
         self.reset()
 
     def reset(self) -> None:
@@ -150,7 +141,7 @@ class AppearanceFilter:
 
     def update(self, frame: np.ndarray, yaw: float | None = None) -> None:
         """One ``(H, W, 3) uint8`` frame later; with a yaw, radians, the heading is known by it."""
-        walk, turn = WALK.copy(), self._moved[0] if self._turning else 0.0
+        walk, turn = WALK.copy(), self._moved[0]
         walk[HEADING] += TURN_SHARE * abs(turn)
         self.mean[HEADING] += turn
         covariance = self.covariance + np.diag(np.square(walk))
@@ -158,10 +149,10 @@ class AppearanceFilter:
         self.covariance = covariance / np.outer(wide, wide)
         if self._bank is not None:
             self._bank[:, HEADING] += turn
-        self._active = self._free
+        self._active = np.arange(STATES)
         if yaw is not None and np.isfinite(self._survey_yaw):
             heading = np.arctan2(*(f(yaw - self._survey_yaw) for f in (np.sin, np.cos)))
-            self.mean[HEADING], self._active = heading, np.delete(self._free, HEADING)
+            self.mean[HEADING], self._active = heading, np.delete(self._active, HEADING)
             self._factors[1] = np.inf
             if self._bank is not None:
                 self._bank[:, HEADING] = heading
@@ -186,10 +177,9 @@ class AppearanceFilter:
         drawn[:, 0] = PRIOR_SIGMA[0] * _strata(count, self._rng)
         kind = np.arange(count) % 4
         bank[kind < 3, :HEADING] = drawn[kind < 3, :HEADING]
-        if self._turning:
-            around = np.pi * (2 * (np.arange(count) + self._rng.uniform()) / count - 1)
-            bank[:, HEADING] = np.where(kind > 1, self._rng.permutation(around), self.mean[HEADING])
-            bank[::5, HEIGHT] = drawn[::5, HEIGHT]
+        around = np.pi * (2 * (np.arange(count) + self._rng.uniform()) / count - 1)
+        bank[:, HEADING] = np.where(kind > 1, self._rng.permutation(around), self.mean[HEADING])
+        bank[::5, HEIGHT] = drawn[::5, HEIGHT]
         bank[0], bank[1] = self.mean, 0
         self._scores = -SEARCH_PENALTY * (GROUPS @ (bank != self.mean).T).sum(axis=0)
         self._scores[:2] = 0

@@ -12,11 +12,12 @@ from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from trexton.base.progress import say
-from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.features import Features
 from trexton.field.likelihood import (
     Basis,
+    ErrorModel,
     TileTables,
+    error_terms,
     grid_cells,
     log_prior,
     rbf_kernel,

@@ -12,7 +12,7 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.texton_map import TextonMap
 from trexton.vision.correction import corrected_patches
 from trexton.vision.histograms import patch_histogram
-from trexton.vision.patches import sample_positions
+from trexton.vision.images import sample_positions
 
 __all__ = ["FrameEvidence"]
 

@@ -17,12 +17,13 @@ import numpy as np
 
 from trexton.base.errors import MapError
 from trexton.base.options import option
-from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.features import Features, is_counted
 from trexton.field.likelihood import (
     Basis,
+    ErrorModel,
     TileTables,
     bilinear,
+    error_terms,
     grid_cells,
     log_prior,
     rbf_kernel,

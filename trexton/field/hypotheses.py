@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trexton.field.error_model import ErrorModel
+from trexton.field.likelihood import ErrorModel
 from trexton.field.linear_motion import LinearMotion
 
 __all__ = ["BIAS_SIGMA", "CLUTTER_PROBABILITY", "Hypotheses"]

@@ -23,8 +23,7 @@ from trexton.localization.observation import Observation
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import for_method, with_choices
 from trexton.vision.histograms import sampled_histogram, texton_histogram
-from trexton.vision.images import check_image
-from trexton.vision.patches import MOST_SAMPLES
+from trexton.vision.images import MOST_SAMPLES, check_image
 
 __all__ = ["Estimate", "Localizer", "TextonMap"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -98,11 +98,11 @@ class Registration(Filter):
             mapped=ground.mask.astype(np.uint8),
             place=np.array([*ground.corner, ground.cell]),
             camera=lens,
-            trust=_stored(Trust()),
+            trust=np.array(astuple(Trust())),
         )
         fixes = fitted._try(flight, training.rng)
         trust = learn_trust(fixes, training.positions[: len(fixes)], height, Trust())
-        return fitted.with_learned(trust=_stored(trust))
+        return fitted.with_learned(trust=np.array(astuple(trust)))
 
     def _try(self, flight: Flight, rng: np.random.Generator) -> list[FloorFix]:
         """Fixes of the first frames, attitude as noisy as it will be in flight, if it is known."""
@@ -227,10 +227,6 @@ def _attitude(aiding: Aiding) -> np.ndarray | None:
     if all(angle is None for angle in angles):
         return None
     return np.array([np.nan if angle is None else angle for angle in angles])
-
-
-def _stored(trust: Trust) -> np.ndarray:
-    return np.array([trust.coarse, trust.fine, trust.least, trust.scale, trust.floor])
 
 
 def _surroundings(flight: Flight) -> tuple[MapImage, np.ndarray]:

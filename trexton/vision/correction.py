@@ -12,7 +12,7 @@ from math import isqrt
 import cv2
 import numpy as np
 
-from trexton.vision.patches import gather_patches, position_grid
+from trexton.vision.images import gather_patches, position_grid
 from trexton.vision.visual_odometry import followed
 
 __all__ = [

@@ -16,8 +16,7 @@ import numpy as np
 from trexton.base.defaults import SAMPLES
 from trexton.base.errors import ParameterError
 from trexton.base.options import whole
-from trexton.vision.images import check_image
-from trexton.vision.patches import gather_patches, position_grid, sample_positions
+from trexton.vision.images import check_image, gather_patches, position_grid, sample_positions
 from trexton.vision.textons import TextonDictionary
 from trexton.vision.threads import in_strips
 

@@ -2,13 +2,15 @@
 JPEG).
 
 The camera delivers 4:2:2 UYVY; a file is decoded by OpenCV to BGR. Both end in the same
-representation here.
+representation here. Patches of P x P pixels are cut from it; their position is the (row, column) of
+the top left corner.
 """
 
 from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +19,17 @@ import numpy as np
 
 from trexton.base.errors import ImageError
 from trexton.base.files import read_bytes
+from trexton.base.options import whole
+from trexton.base.streams import generator
 
 __all__ = [
-    "bgr_from_yuv", "blur_effect", "check_capture", "check_image", "checked_bytes",
-    "decode", "decode_image", "natural_order", "read_image", "read_picture", "yuv_from_bgr",
-    "yuv_from_uyvy",
+    "bgr_from_yuv", "blur_effect", "check_capture", "check_image", "checked_bytes", "decode",
+    "decode_image", "draw_patches", "gather_patches", "natural_order", "position_grid",
+    "read_image", "read_picture", "sample_positions", "yuv_from_bgr", "yuv_from_uyvy",
 ]  # fmt: skip
 
 MOST_PIXELS = 50_000_000
+MOST_SAMPLES = 1_000_000  # three times all patches of 640x480: more only fill the memory
 MOST_BYTES = 2**28
 _PNG = b"\x89PNG\r\n\x1a\n"
 _MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")  # of a JPEG, but for those among pixels
@@ -236,3 +241,52 @@ def natural_order(path: Path) -> list[tuple[int, str]]:
     """Sort key in the order in which people count: IMG_9 before IMG_10."""
     parts = re.split(r"(\d+)", path.name)
     return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
+
+
+def position_grid(shape: tuple[int, ...], patch: int) -> tuple[int, int]:
+    """How many rows and columns of positions an image of `shape` has: (H - P + 1, W - P + 1).
+
+    Raises
+    ------
+    ImageError
+        The image is smaller than a patch.
+    """
+    rows, columns = shape[0] - patch + 1, shape[1] - patch + 1
+    if rows < 1 or columns < 1:
+        raise ImageError(
+            f"the image has {shape[1]}x{shape[0]} pixels, a patch {patch}x{patch}: give a larger "
+            "image"
+        )
+    return rows, columns
+
+
+def sample_positions(
+    shape: tuple[int, ...], patch: int, n: int, rng: np.random.Generator
+) -> np.ndarray:
+    """``(n, 2) int64``: random positions, uniform over an image of `shape`, with replacement."""
+    rows, columns = position_grid(shape, patch)
+    n, rng = whole(n, "the number of samples", 1, MOST_SAMPLES), generator(rng)
+    positions = np.empty((2, n), dtype=np.int64)
+    np.divmod(rng.integers(rows * columns, size=n), columns, out=(positions[0], positions[1]))
+    return positions.T
+
+
+def gather_patches(image: np.ndarray, positions: np.ndarray, patch: int) -> np.ndarray:
+    """``(N, P, P, 3) uint8``: the patches at `positions` ``(N, 2)``; the image is not copied."""
+    rows, columns = position_grid(check_image(image).shape, patch)
+    image = np.ascontiguousarray(image)
+    # One item is a whole row of a patch, 3 P neighbouring bytes.
+    line = image.strides[0]
+    windows = np.ndarray((rows, columns, patch), f"V{3 * patch}", image, strides=(line, 3, line))
+    return windows[positions[:, 0], positions[:, 1]].view(np.uint8).reshape(-1, patch, patch, 3)
+
+
+def draw_patches(
+    images: Iterable[np.ndarray], patch: int, per_image: int, rng: np.random.Generator
+) -> np.ndarray:
+    """``(N, P, P, 3) uint8``: `per_image` random patches, with replacement, from each image."""
+    drawn = [
+        gather_patches(image, sample_positions(image.shape, patch, per_image, rng), patch)
+        for image in images
+    ]
+    return np.concatenate(drawn) if drawn else np.empty((0, patch, patch, 3), np.uint8)

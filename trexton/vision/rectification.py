@@ -166,9 +166,10 @@ class Rectification:
                 raise ValueError("other names")
             values = {name.removesuffix("_px"): value for name, value in table.items()}
             focal = values.pop("focal")
-            return cls(focal=focal, **{name: tuple(value) for name, value in values.items()})
+            lists = {name: tuple(value) for name, value in values.items()}
         except (TypeError, ValueError) as error:
             raise ParameterError(
                 f"a rectification of {', '.join(table) or 'nothing'} ({error}): expected "
                 + ", ".join(_KEYS)
             ) from None
+        return cls(focal=focal, **lists)

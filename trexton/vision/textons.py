@@ -29,7 +29,7 @@ from trexton.base.defaults import PATCH, TEXTONS
 from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.base.options import whole
 from trexton.base.streams import generator
-from trexton.vision.patches import draw_patches
+from trexton.vision.images import draw_patches
 
 __all__ = ["METHODS", "TextonDictionary"]
 

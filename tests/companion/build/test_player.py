@@ -24,7 +24,7 @@ from trexton.companion.player.page import player_html
 from trexton.companion.player.playback import record_replay, replay
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map
-from trexton.vision.patches import gather_patches
+from trexton.vision.images import gather_patches
 
 
 def localizer(texton_map, seed=5, **options):

@@ -29,7 +29,7 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 from trexton.vision.histograms import sampled_histogram, texton_histogram
-from trexton.vision.patches import position_grid
+from trexton.vision.images import position_grid
 
 __all__ = ["STAGES", "Scene", "measure"]
 

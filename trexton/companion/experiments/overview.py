@@ -34,8 +34,7 @@ from trexton.companion.wording import distance
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
-from trexton.vision.images import bgr_from_yuv
-from trexton.vision.patches import gather_patches, sample_positions
+from trexton.vision.images import bgr_from_yuv, gather_patches, sample_positions
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.neighbors import NearestHistograms
 from trexton.localization.training import with_choices
 from trexton.vision.histograms import sampled_histogram, texton_histogram
-from trexton.vision.patches import position_grid
+from trexton.vision.images import position_grid
 
 SWEPT: dict[str, tuple[Any, ...]] = {
     "samples": (25, 50, 100, 200, 400, 800, 1600, 3200, 6400, None),  # None: full sampling

@@ -19,8 +19,7 @@ from trexton.companion.experiments.evaluation import trained_map
 from trexton.companion.experiments.style import bare, canvas
 from trexton.companion.wording import number
 from trexton.flights.flight import Flight
-from trexton.vision.images import bgr_from_yuv
-from trexton.vision.patches import draw_patches, position_grid
+from trexton.vision.images import bgr_from_yuv, draw_patches, position_grid
 from trexton.vision.textons import TextonDictionary
 
 

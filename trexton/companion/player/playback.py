@@ -21,8 +21,7 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import for_method
 from trexton.vision.camera import MapImage
-from trexton.vision.images import bgr_from_yuv
-from trexton.vision.patches import sample_positions
+from trexton.vision.images import bgr_from_yuv, sample_positions
 
 __all__ = ["PlayedFlight", "record_replay", "replay"]
 
