@@ -21,9 +21,8 @@ from trexton.onboard.grabber import Grabber
 from trexton.onboard.sources import Expected, Frame, open_source
 from trexton.onboard.tally import Tally
 from trexton.simulator import record_flight
-from trexton.vision.camera import Camera
+from trexton.vision.camera import Camera, Rectification
 from trexton.vision.images import yuv_from_bgr
-from trexton.vision.rectification import Rectification
 
 LENS = (-0.28, 0.09, 0.0, 0.0)
 CAMERA = Camera(256, 192, 190.0)

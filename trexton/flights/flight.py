@@ -17,9 +17,8 @@ from trexton.base.errors import FlightError
 from trexton.base.files import digest
 from trexton.flights.aiding import Aiding
 from trexton.flights.frames import Frames, select_frames
-from trexton.vision.camera import Camera, MapImage
+from trexton.vision.camera import Camera, MapImage, Rectification
 from trexton.vision.images import read_picture
-from trexton.vision.rectification import Rectification
 
 __all__ = ["SUM_TOLERANCE", "Area", "Flight", "area_around"]
 

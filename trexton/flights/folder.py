@@ -20,8 +20,7 @@ from trexton.flights.flight import SUM_TOLERANCE, Flight, area_around
 from trexton.flights.frames import ImageFiles
 from trexton.flights.header import FARTHEST, read_header
 from trexton.flights.tables import TextTable, read_table
-from trexton.vision.camera import Camera
-from trexton.vision.rectification import Rectification
+from trexton.vision.camera import Camera, Rectification
 
 __all__ = ["ANGLES", "Reading", "load_folder", "read_flight"]
 

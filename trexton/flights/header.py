@@ -15,7 +15,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
 from trexton.base.files import read_text
-from trexton.vision.rectification import Rectification
+from trexton.vision.camera import Rectification
 
 __all__ = ["FARTHEST", "FORMAT", "read_header"]
 

@@ -18,7 +18,7 @@ from trexton.base.files import atomic_file, canonical_json
 from trexton.localization.base import Part
 from trexton.localization.methods import fitting, name_of, part_class
 from trexton.localization.texton_map import TextonMap
-from trexton.vision.rectification import Rectification
+from trexton.vision.camera import Rectification
 from trexton.vision.textons import TextonDictionary
 
 __all__ = ["check_map", "from_arrays", "load_map", "save_map", "to_arrays"]

@@ -15,7 +15,7 @@ from trexton.base.defaults import NEIGHBORS
 from trexton.base.errors import MapError
 from trexton.localization.base import Area
 from trexton.localization.distances import Distance, Hellinger
-from trexton.vision.rectification import Rectification
+from trexton.vision.camera import Rectification
 from trexton.vision.textons import TextonDictionary
 
 __all__ = ["TextonMap"]

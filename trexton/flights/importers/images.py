@@ -15,8 +15,8 @@ from trexton.base.errors import FlightError, ParameterError
 from trexton.base.progress import progress
 from trexton.flights.frames import Frames, ImageFiles
 from trexton.flights.importers.recording import Recording
+from trexton.vision.camera import Rectification
 from trexton.vision.images import bgr_from_yuv, checked_bytes, decode, read_image
-from trexton.vision.rectification import Rectification
 
 __all__ = ["Change", "write_images"]
 

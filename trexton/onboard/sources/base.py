@@ -12,7 +12,7 @@ from trexton.base.errors import TrextonError
 from trexton.base.options import Options, option
 from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge
-from trexton.vision.rectification import Rectification
+from trexton.vision.camera import Rectification
 
 __all__ = ["CameraLost", "Frame", "Playback", "Source", "Expected"]
 
