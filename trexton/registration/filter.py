@@ -12,7 +12,6 @@ import numpy as np
 
 from trexton.base.errors import MapError
 from trexton.base.options import option
-from trexton.flights.aiding import Aiding
 from trexton.localization.base import learned
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
@@ -169,27 +168,26 @@ class RunningRegistration:
 
     def step(self, observation: Observation | None) -> FloorFix:
         """Advance one frame; None where nothing was observed."""
-        self._fix = self._locate(observation)
-        stamp = None if observation is None else observation.time
-        self._time = self._time + self._period_s if stamp is None else stamp
-        if self._fix.lost:
-            self._recent.clear()
-        elif self._fix.observed:
-            self._recent.append((self._time, self._fix.position))
-        return self._fix
-
-    def _locate(self, observation: Observation | None) -> FloorFix:
+        stamp = None
         if observation is None:
-            return self.tracker.step(None)
-        if observation.frame is None:
+            self._fix = fix = self.tracker.step(None)
+        elif observation.frame is None:
             raise MapError("coarse to fine looks at images, and was given a histogram: give frames")
-        aiding = observation.aiding
-        return self.tracker.step(
-            observation.frame,
-            attitude=_attitude(aiding),
-            height=aiding.height,
-            places=lambda: observation.neighbors.position,
-        )
+        else:
+            aiding, stamp = observation.aiding, observation.time
+            self._fix = fix = self.tracker.step(
+                observation.frame,
+                # None is NaN here: not known
+                attitude=np.array([aiding.roll, aiding.pitch, aiding.yaw], dtype=float),
+                height=aiding.height,
+                places=lambda: observation.neighbors.position,
+            )
+        self._time = self._time + self._period_s if stamp is None else stamp
+        if fix.lost:
+            self._recent.clear()
+        elif fix.observed:
+            self._recent.append((self._time, fix.position))
+        return fix
 
     def estimate(self) -> Estimate:
         """The latest fix; it is a measurement for others unless the vehicle is lost."""
@@ -219,14 +217,6 @@ class RunningRegistration:
         of_velocity = (slope @ slope) * covariance + (_BENDS * ages[-1]) ** 2 * np.eye(2)
         shared = slope[-1] * covariance
         return slope @ places, np.block([[covariance, shared], [shared, of_velocity]])
-
-
-def _attitude(aiding: Aiding) -> np.ndarray | None:
-    """Roll, pitch and yaw, NaN for what is not known; None where nothing is."""
-    angles = (aiding.roll, aiding.pitch, aiding.yaw)
-    if all(angle is None for angle in angles):
-        return None
-    return np.array([np.nan if angle is None else angle for angle in angles])
 
 
 def _surroundings(flight: Flight) -> tuple[MapImage, np.ndarray]:

@@ -106,7 +106,8 @@ class _Hall:
         white = bgr("f8f9fa")[0]
         for dx, size in ((-0.105, (0.05, 0.27)), (0.105, (0.05, 0.27)), (0, (0.2, 0.05))):
             polygon(self.picture, self._rectangle((x + dx, y), size, 0.0), white)
-        cv2.circle(self.taken, *self._pixel_disc((x, y), radius + 0.05), 1, -1)
+        pixel = self.map.to_pixels(np.array([[x, y]]))[0].round().astype(int).tolist()
+        cv2.circle(self.taken, pixel, round((radius + 0.05) * PIXELS_PER_METRE), 1, -1)
 
     def stick_tags(self) -> None:
         """Fiducial tags on white cards wherever the boards are free."""
@@ -159,10 +160,6 @@ class _Hall:
         """``(4, 2)`` pixel corners: top left, top right, bottom right, bottom left."""
         corners = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]]) * size
         return self.map.to_pixels(corners @ turning(turn) + center)
-
-    def _pixel_disc(self, center: Pair, radius: float) -> tuple[list[int], int]:
-        pixel = self.map.to_pixels(np.array([center]))[0].round().astype(int).tolist()
-        return pixel, round(radius * PIXELS_PER_METRE)
 
     def _circle(self, center: Pair, radius: float, count: int) -> np.ndarray:
         """``(count, 2)`` pixels on a circle."""

@@ -33,18 +33,9 @@ WIDTH = 160  # pixels of the small frames between which points are followed
 POINTS, MIN_SHARE = 60, 0.5  # of a frame; of those that must agree
 
 
-def _yuv_from_bgr() -> np.ndarray:
-    unit = cv2.cvtColor(np.eye(3, dtype=np.float32)[None], cv2.COLOR_BGR2YUV)[0]
-    return np.asarray(unit.T - [[0.0], [0.5], [0.5]], dtype=float)
-
-
-_YUV = _yuv_from_bgr()
+_UNIT = cv2.cvtColor(np.eye(3, dtype=np.float32)[None], cv2.COLOR_BGR2YUV)[0]
+_YUV = np.asarray(_UNIT.T - [[0.0], [0.5], [0.5]], dtype=float)
 _BGR = np.linalg.inv(_YUV)
-
-
-def _colors(state: np.ndarray) -> np.ndarray:
-    """``(3, 3)`` matrix that takes the light's gains out of Y, U - 128, V - 128."""
-    return (_YUV * np.exp(-GAINS @ state[:3])) @ _BGR
 
 
 def affine(shape: tuple[int, ...], state: np.ndarray) -> np.ndarray:
@@ -59,7 +50,8 @@ def _recolored(pixels: np.ndarray, state: np.ndarray) -> np.ndarray:
     """``(..., 3) uint8`` pixels without the light of a state."""
     if not state[:HEADING].any():
         return pixels
-    matrix = _colors(state).astype(np.float32)
+    # Takes the light's gains out of Y, U - 128, V - 128.
+    matrix = ((_YUV * np.exp(-GAINS @ state[:3])) @ _BGR).astype(np.float32)
     offset = CHROMA_OFFSET - matrix @ CHROMA_OFFSET
     flat = cv2.transform(pixels.reshape(-1, 1, 3), np.column_stack([matrix, offset]))
     return flat.reshape(pixels.shape)

@@ -91,7 +91,9 @@ def turns(frames: Iterable[np.ndarray]) -> NDArray[np.float64]:
     """
     turns, before = [], None
     for frame in frames:
-        turns.append(np.nan if before is None else _turn(before, frame))
+        motion = None if before is None else followed(before, frame, CORNERS)
+        # Rows count downwards: a picture turns clockwise where its camera turns the other way.
+        turns.append(np.nan if motion is None else np.arctan2(motion[0][1, 0], motion[0][0, 0]))
         before = frame
     return np.array(turns, dtype=float)
 
@@ -100,15 +102,6 @@ def small(image: np.ndarray) -> np.ndarray:
     """``(h, w) uint8`` luma of an ``(H, W, 3) uint8`` Y, U, V image, about `WIDTH` pixels wide."""
     luma = np.ascontiguousarray(image[..., 0])
     return shrink(luma, max(1, round(luma.shape[1] / WIDTH)))
-
-
-def _turn(before: np.ndarray, after: np.ndarray) -> float:
-    motion = followed(before, after, CORNERS)
-    if motion is None:
-        return float("nan")
-    similarity, _ = motion
-    # Rows count downwards: a picture turns clockwise where its camera turns the other way.
-    return float(np.arctan2(similarity[1, 0], similarity[0, 0]))
 
 
 def time_offset(
