@@ -74,19 +74,7 @@ class Tracks(Filter):
 
 
 class TrackFilter:
-    """`Tracks` in flight.
-
-    Parameters
-    ----------
-    motion : LinearMotion
-    measurement : Field
-    area : (x_min, x_max, y_min, y_max)
-    options : Tracks, optional
-
-    Attributes
-    ----------
-    hypotheses : Hypotheses
-    """
+    """`Tracks` in flight, over an area in metres."""
 
     def __init__(
         self,
