@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from trexton.vision.threads import in_threads
+from trexton.vision.threads import ahead
 
 __all__ = [
     "Block", "Process", "blocks_in_space", "blocks_in_time", "matern", "merge_places", "nlpd",
@@ -246,7 +246,7 @@ class Process:
             gain = kernel @ self.precision
             return gain, kernel @ self.weights, 1 - np.einsum("ij,ij->i", gain, kernel)
 
-        known = in_threads(everywhere, places)
+        known = list(ahead(everywhere, places))
         for block in blocks:
             out = block.left_out
             covariance = np.linalg.inv(self.precision[np.ix_(out, out)])
@@ -289,7 +289,7 @@ def select_length(
         return process, *nlpd(process, blocks)
 
     def best_length(noise: float) -> tuple[Process, float, np.ndarray, np.ndarray]:
-        tried = in_threads(lambda share: judged(share, noise), LENGTHS)
+        tried = ahead(lambda share: judged(share, noise), LENGTHS)
         return min(tried, key=lambda each: each[1])
 
     best = best_length(noises[0])

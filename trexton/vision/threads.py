@@ -1,6 +1,6 @@
 """Work of one frame spread over the processor's cores: equal strips of rows, a thread each.
 
-Offers `in_strips` and `in_threads` for kernels and products that release Python's lock, `ahead` for
+Offers `in_strips` for kernels that release Python's lock, `ahead` for products that do, and for
 frames that are decoded in order while others are worked on, and how many cores there are to use.
 """
 
@@ -9,10 +9,10 @@ from __future__ import annotations
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
-__all__ = ["ahead", "in_strips", "in_threads", "thread_count", "usable_cores"]
+__all__ = ["ahead", "in_strips", "thread_count", "usable_cores"]
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -43,33 +43,21 @@ def in_strips(work: Callable[[slice], T], rows: int) -> list[T]:
     strips = min(thread_count(), rows)
     bounds = [rows * i // strips for i in range(strips + 1)]
     slices = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
-    return in_threads(work, slices)
-
-
-def in_threads(work: Callable[[S], T], items: Sequence[S]) -> list[T]:
-    """Call `work` on each of the items, in several threads.
-
-    Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep
-    beside the BLAS's own.
-    """
-    threads = min(thread_count(), len(items))
-    if threads < 2:
-        return [work(item) for item in items]
-    from concurrent.futures import ThreadPoolExecutor  # it takes a while to load
-
-    with ThreadPoolExecutor(threads, initializer=_work) as pool:
-        return list(pool.map(work, items))
+    return list(ahead(work, slices))
 
 
 def ahead(work: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:
     """`work` of each of the items in order: they are taken in this thread, and worked on in
     others, two for each of them at a time.
+
+    Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep
+    beside the BLAS's own.
     """
-    others = thread_count() - 1
-    if others < 1:
+    others = thread_count()
+    if others < 2:
         yield from map(work, items)
         return
-    from concurrent.futures import Future, ThreadPoolExecutor
+    from concurrent.futures import Future, ThreadPoolExecutor  # they take a while to load
 
     waiting: deque[Future[T]] = deque()
     with ThreadPoolExecutor(others, initializer=_work) as pool:
