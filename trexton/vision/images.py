@@ -33,11 +33,6 @@ MOST_SAMPLES = 1_000_000  # three times all patches of 640x480: more only fill t
 MOST_BYTES = 2**28
 _PNG = b"\x89PNG\r\n\x1a\n"
 _MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")  # of a JPEG, but for those among pixels
-# A camera's "video range" bytes: Y 16..235 and U, V 16..240 become 0..255 by a look-up, so that the
-# result is exact.
-_LEVELS = np.arange(256, dtype=np.float64)
-_LUMA = np.clip(np.rint((_LEVELS - 16) * 255 / 219), 0, 255).astype(np.uint8)
-_CHROMA = np.clip(np.rint((_LEVELS - 128) * 255 / 224 + 128), 0, 255).astype(np.uint8)
 
 
 def check_image(image: np.ndarray) -> np.ndarray:
@@ -77,11 +72,7 @@ def yuv_from_uyvy(frame: np.ndarray) -> np.ndarray:
             f"a UYVY frame is (H, W even, 2) uint8, found {frame.dtype} {frame.shape}: check the "
             "camera's pixel format"
         )
-    chroma = np.repeat(frame[..., 0].reshape(len(frame), -1, 2), 2, axis=1)
-    yuv = np.concatenate([frame[..., 1:], chroma], axis=2)
-    yuv[..., 0] = _LUMA[yuv[..., 0]]
-    yuv[..., 1:] = _CHROMA[yuv[..., 1:]]
-    return yuv
+    return yuv_from_bgr(cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_YUV2BGR_UYVY))
 
 
 def checked_bytes(path: Path) -> bytes:
