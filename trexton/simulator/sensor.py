@@ -73,32 +73,6 @@ class Effects(Options):
         return replace(self, **self.checked(dict.fromkeys(names, 0.0), "a camera"))
 
 
-# Each function takes one row of one plane, so that the compiler makes vector instructions of its
-# loop.
-@compiled()
-def _luma_row(row, factor, noise, base, slope, strength):  # pragma: no cover - compiled
-    for u in range(row.size):
-        light = min(_int(255), (_int(row[u]) * factor[u] + _HALF) >> _int(_ONE))
-        strength[u] = base + ((slope * light) >> _int(7))
-        light += (noise[u] * strength[u] + _HALF_NOISE) >> _int(2 * _NOISE)
-        row[u] = min(_int(255), max(_int(0), light))
-
-
-@compiled()
-def _chroma_row(row, factor, noise, strength):  # pragma: no cover - compiled
-    for u in range(row.size):
-        color = ((_int(row[u]) - _int(128)) * factor[u] + _HALF) >> _int(_ONE)
-        color += (noise[u] * strength[u] + _int(2) * _HALF_NOISE) >> _int(2 * _NOISE + 1)
-        row[u] = min(_int(255), max(_int(0), _int(128) + color))
-
-
-@compiled()
-def _share_pairs(row):  # pragma: no cover - compiled
-    for pair in range(row.size // 2):
-        shared = (_int(row[2 * pair]) + _int(row[2 * pair + 1]) + _int(1)) >> _int(1)
-        row[2 * pair] = row[2 * pair + 1] = shared
-
-
 @compiled()
 def _develop(
     planes, gain, vignette, noise, top, left, base, slope, share_chroma
@@ -107,15 +81,23 @@ def _develop(
     _, height, width = planes.shape
     factor, strength = np.empty(width, np.int32), np.empty(width, np.int32)
     for v in range(height):
+        row, drawn = planes[0, v], noise[0, v + top, left : left + width]
         for u in range(width):
             factor[u] = (_int(gain) * vignette[v, u] + _HALF) >> _int(_ONE)
-        drawn = noise[0, v + top, left : left + width]
-        _luma_row(planes[0, v], factor, drawn, _int(base), _int(slope), strength)
+            light = min(_int(255), (_int(row[u]) * factor[u] + _HALF) >> _int(_ONE))
+            strength[u] = _int(base) + ((_int(slope) * light) >> _int(7))
+            light += (drawn[u] * strength[u] + _HALF_NOISE) >> _int(2 * _NOISE)
+            row[u] = min(_int(255), max(_int(0), light))
         for channel in range(1, 3):
-            drawn = noise[channel, v + top, left : left + width]
-            _chroma_row(planes[channel, v], factor, drawn, strength)
+            row, drawn = planes[channel, v], noise[channel, v + top, left : left + width]
+            for u in range(width):
+                color = ((_int(row[u]) - _int(128)) * factor[u] + _HALF) >> _int(_ONE)
+                color += (drawn[u] * strength[u] + _int(2) * _HALF_NOISE) >> _int(2 * _NOISE + 1)
+                row[u] = min(_int(255), max(_int(0), _int(128) + color))
             if share_chroma:
-                _share_pairs(planes[channel, v])
+                for pair in range(width // 2):
+                    shared = (_int(row[2 * pair]) + _int(row[2 * pair + 1]) + _int(1)) >> _int(1)
+                    row[2 * pair] = row[2 * pair + 1] = shared
 
 
 class Sensor:
