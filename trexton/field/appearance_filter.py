@@ -164,10 +164,13 @@ class AppearanceFilter:
             self._follow(frame)
 
     def _choose(self, state: np.ndarray) -> None:
-        self.mean, self.covariance = state, np.diag(np.square(START_SIGMA))
+        self.mean = state
+        self.covariance: np.ndarray = np.diag(np.square(START_SIGMA))
         self.levels = np.zeros(len(self._offsets))
-        self._factors = np.where((GROUPS & (state != 0)).any(axis=1), CHOSEN_FACTOR, 0.0)
-        self._wait, self._most = 0, START_SIGMA
+        chosen = (GROUPS & (state != 0)).any(axis=1)
+        self._factors: np.ndarray = np.where(chosen, CHOSEN_FACTOR, 0.0)  # log Bayes factors
+        self._most: np.ndarray = START_SIGMA  # deviations at most
+        self._wait: int = 0  # frames until the next update
 
     def _search(self) -> None:
         """Begin anew with states of the prior, the last one and that of the survey among them."""

@@ -89,7 +89,8 @@ def turns(frames: Iterable[np.ndarray]) -> NDArray[np.float64]:
     array
         NaN for the first, and where too little of a frame is in the next.
     """
-    turns, before = [], None
+    turns: list[float] = []
+    before: np.ndarray | None = None
     for frame in frames:
         motion = None if before is None else followed(before, frame, CORNERS)
         # Rows count downwards: a picture turns clockwise where its camera turns the other way.
