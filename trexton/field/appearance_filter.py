@@ -82,6 +82,8 @@ class AppearanceFilter:
         Whether a state was chosen: while frames fit no place, none is.
     """
 
+    covariance: np.ndarray
+
     def __init__(self, texton_map: TextonMap, rng: np.random.Generator, survey_yaw: float):
         self._survey_yaw, self._rng = survey_yaw, rng
         self._period_s = texton_map.period_s
@@ -164,8 +166,7 @@ class AppearanceFilter:
             self._follow(frame)
 
     def _choose(self, state: np.ndarray) -> None:
-        self.mean = state
-        self.covariance: np.ndarray = np.diag(np.square(START_SIGMA))
+        self.mean, self.covariance = state, np.diag(np.square(START_SIGMA))
         self.levels = np.zeros(len(self._offsets))
         chosen = (GROUPS & (state != 0)).any(axis=1)
         self._factors: np.ndarray = np.where(chosen, CHOSEN_FACTOR, 0.0)  # log Bayes factors
