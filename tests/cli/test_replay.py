@@ -69,12 +69,12 @@ def test_what_an_autopilot_says_commands_no_terminal(log, capsys):
 
 @pytest.mark.parametrize("half", [b'{"time_s": 5.0, "fra', b"\0\0\0", b"\xff\xfe", b"[1, 2]"])
 def test_what_a_loss_of_power_left_is_told_and_the_rest_is_read(half, log, capsys):
-    log.write_bytes(log.read_bytes() + half)
-    sink = JsonLines(str(log), events=True)  # the same log, after the restart
+    sink = JsonLines(f"{log}2", events=True)
     sink.open()
     sink.write(make_fix(6.0, (0.5, 0.5)))
     sink.event({"time_s": 6.1, "event": "answer", "command": 21, "result": 0})
     sink.close()
+    log.write_bytes(log.read_bytes() + half + b"\n" + Path(f"{log}2").read_bytes())
     assert main(["replay", str(log)]) == 0
     *_, damaged, answer, counts = capsys.readouterr().out.splitlines()
     assert "damaged line: number 7, why" in damaged

@@ -72,16 +72,6 @@ class TestGrabber:
         grabber.close()
         assert source.closed == 3
 
-    def test_reopen_on_request(self):
-        gate = threading.Event()
-        source = Scripted(*frames(1), gate, *frames(2), *frames(3))
-        grabber = Grabber(source, Tally())
-        grabber.next(10)
-        grabber.reopen()
-        gate.set()
-        assert eventually(lambda: source.opened == 2)
-        grabber.close()
-
     def test_an_error_nobody_foresaw_reaches_the_loop(self):
         grabber = Grabber(Scripted(ZeroDivisionError("a bug")), Tally())
         with pytest.raises(ZeroDivisionError):

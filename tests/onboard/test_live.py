@@ -14,7 +14,6 @@ from patience import eventually
 from trexton.onboard import Onboard
 from trexton.onboard.sinks import Guard, Sink
 from trexton.onboard.sources import CameraLost, Frame
-from trexton.onboard.sources.recorded import Paced
 from trexton.onboard.tally import Tally
 
 
@@ -88,21 +87,6 @@ class TestLive:
         assert np.linalg.det(blind[-1].covariance) > np.linalg.det(blind[0].covariance)
         assert fixes[-1].observed and not fixes[-1].stale
         assert (np.diff([fix.time for fix in fixes]) > 0).all()
-
-    def test_a_picture_frozen_for_long_has_the_camera_opened_again(self, film):
-        flight = Script()
-        frozen = [step for _ in range(61) for step in flight.seen(film[0])]
-        source, fixes, tally, _ = flight.run(frozen)
-        assert tally["frozen"] == 60 and len(fixes) == 61
-        assert source.opened == 1 + 2  # after 26 and 52 repeats of 0.08 s
-
-    def test_a_frozen_recording_goes_on_where_it_was(self, film):
-        flight = Script()
-        frozen = [step for _ in range(30) for step in flight.seen(film[0])]
-        source = Live(frozen, flight.clock)
-        source.reopens = Paced(source).reopens
-        run(room_localizer(), source, Unhurried(), flight.kept, clock=flight.clock)
-        assert source.opened == 1 and len(flight.kept.fixes) == 30
 
     def test_a_slow_frame_is_late_and_older_ones_are_dropped(self, film):
         flight, localizer = Script(rate=50), room_localizer()

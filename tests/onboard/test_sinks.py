@@ -74,17 +74,6 @@ def test_events_go_into_the_log_only(tmp_path):
     assert (tmp_path / "False").read_text() == ""
 
 
-def test_the_log_is_kept_over_a_restart_and_outputs_begin_anew(tmp_path):
-    for _ in range(2):
-        log = JsonLines(f"{tmp_path}/log", events=True)
-        log.open()
-        log.event({"event": "start"})
-        log.close()
-        write(f"csv:{tmp_path}/a.csv", FIXES[:1])
-    assert len((tmp_path / "log").read_text().splitlines()) == 2
-    assert len((tmp_path / "a.csv").read_text().splitlines()) == 2
-
-
 @pytest.mark.parametrize(
     "address",
     [

@@ -31,7 +31,7 @@ class Grabber:
         self._source, self._tally = source, tally
         self._newest: Frame | None = None
         self._changed = threading.Condition()
-        self._stop, self._again = threading.Event(), threading.Event()
+        self._stop = threading.Event()
         self._failure: Exception | None = None
         self.ended = False
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
@@ -65,11 +65,6 @@ class Grabber:
             source.watch(frame)
         return frame
 
-    def reopen(self) -> None:
-        """Have the source closed and opened again, if that may help."""
-        if self._source.reopens:
-            self._again.set()
-
     def close(self) -> None:
         """Stop; a source that hangs in its driver is left to end with the process."""
         self._stop.set()
@@ -84,13 +79,12 @@ class Grabber:
             while not self._stop.is_set():
                 try:
                     self._source.open()
-                    while not (self._stop.is_set() or self._again.is_set()):
+                    while not self._stop.is_set():
                         frame = self._source.read()
                         if frame is None:
                             return
                         self._put(frame)
                         pause, reported = FIRST_PAUSE, None
-                    self._again.clear()
                 except CameraLost as error:
                     self._tally.count("camera")
                     if str(error) != reported:  # once, not at every attempt

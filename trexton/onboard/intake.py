@@ -37,7 +37,6 @@ class Inspector:
     def __init__(self, shape: tuple[int, int] | None):
         self.shape = shape
         self._last: np.ndarray | None = None
-        self.frozen = 0  # frames in a row that repeat the one before
 
     def check(self, picture: np.ndarray) -> str | None:
         """The fault of an ``(H, W, 3) uint8`` image; a histogram has none."""
@@ -49,7 +48,7 @@ class Inspector:
         # Sensor noise alone makes two frames differ: equal bytes mean that the camera
         # repeats itself.
         same = self._last is not None and np.array_equal(sample, self._last)
-        self._last, self.frozen = sample, self.frozen + 1 if same else 0
+        self._last = sample
         luma = sample[..., 0]
         if np.mean(luma <= BLACK_LEVEL) >= SATURATED_SHARE:
             return "dark"

@@ -26,7 +26,6 @@ from trexton.onboard.voice import flush, say
 
 __all__ = ["CAUSES", "Onboard"]
 
-FROZEN_TIMEOUT = 2.0  # seconds of a frozen picture after which the camera is opened again
 CLOCK_TOLERANCE = 0.5  # seconds a stamp may lie in the future
 MAX_FRAME_AGE = 60.0  # seconds: an older stamp is of another clock, a younger one of an old frame
 MIN_STAMP_STEP = 1e-3  # seconds
@@ -110,7 +109,7 @@ class Onboard:
                 started = self._clock()
                 frame = feed.next(1.5 * self._period)
                 if frame is not None:
-                    self._take(frame, feed)
+                    self._take(frame)
                 elif feed.ended:
                     break
                 else:
@@ -135,7 +134,7 @@ class Onboard:
     def _everything(self) -> list[Guard]:
         return self.sinks + ([self.log] if self.log is not None else [])
 
-    def _take(self, frame: Frame, feed: Grabber) -> None:
+    def _take(self, frame: Frame) -> None:
         """Localize one frame."""
         arrived = self._clock()
         stamp, captured = frame.time, arrived
@@ -166,9 +165,6 @@ class Onboard:
         self.status.took(total)
         if total - self.source.delay > self._period:  # its own delay no computer makes up for
             self.tally.count("late")
-        if self._inspector.frozen * self._period > FROZEN_TIMEOUT:
-            self._inspector.frozen = 0
-            feed.reopen()
 
     def _step(
         self, picture: np.ndarray | None, fault: str | None, aiding: Aiding | None, stamp: float

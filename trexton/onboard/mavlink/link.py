@@ -83,6 +83,7 @@ class UdpOut(Link):
 
     def __init__(self, host: str, port: int):
         self.address, self._port = (host, port), 0
+        self._sender: tuple[str, int] | None = None
 
     def open(self) -> None:
         self._wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -97,19 +98,17 @@ class UdpOut(Link):
 
     def receive(self) -> bytes:
         try:
-            data: bytes = self._wire.recv(65536)
+            data: bytes
+            data, self._sender = self._wire.recvfrom(65536)
             return data
         except BlockingIOError:
             return b""
 
 
-class UdpIn(Link):
+class UdpIn(UdpOut):
     """Datagrams on a port of ours, answered to the latest few who spoke MAVLink there."""
 
-    def __init__(self, host: str, port: int):
-        self.address = (host, port)
-        self._peers: list[tuple[str, int]] = []
-        self._sender: tuple[str, int] | None = None
+    _peers: list[tuple[str, int]] = []
 
     def open(self) -> None:
         self._peers = []
@@ -121,13 +120,6 @@ class UdpIn(Link):
         for peer in self._peers:
             with suppress(OSError):  # one that has gone must not keep the others from hearing
                 self._wire.sendto(data, peer)
-
-    def receive(self) -> bytes:
-        try:
-            data, self._sender = self._wire.recvfrom(65536)
-            return data
-        except BlockingIOError:
-            return b""
 
     def understood(self) -> None:
         others = [peer for peer in self._peers if peer != self._sender]

@@ -18,7 +18,7 @@ __all__ = ["Speaker"]
 
 REQUEST_PAUSE = 2.0
 ORIGIN_PAUSE, LATER_ORIGIN_PAUSE = 1.0, 10.0
-ORIGIN_ATTEMPTS = 10  # after which it is said that none was confirmed, and asked less often
+ORIGIN_ATTEMPTS = 10  # after which it is asked less often
 REPEAT_AFTER = 0.15  # seconds without an image: EKF2 does without after 0.2, ArduPilot after 0.25
 REPEAT_TIMEOUT = STALE_AFTER  # seconds from capture for which a position is repeated
 # Seconds by which a repetition's stamp stays behind those of images that arrive with it: one that
@@ -139,10 +139,6 @@ class Speaker:
                 mavlink.MAVLink_set_gps_global_origin_message(target[0], *place, round(1e6 * now))
             )
             self._origin_attempts += 1
-            if self._origin_attempts == ORIGIN_ATTEMPTS:
-                self.listener.news.append(
-                    {"event": "origin not confirmed", "attempts": ORIGIN_ATTEMPTS}
-                )
         aiding = self.listener.aiding(now)
         for name in self._asked:
             known = self.listener.on_ground(now) if name == "grounded" else getattr(aiding, name)

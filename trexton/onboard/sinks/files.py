@@ -29,20 +29,9 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def _holds_something(path: str) -> bool:
-    return os.path.isfile(path) and os.path.getsize(path) > 0
-
-
-def _ends_in_half_a_line(path: str) -> bool:
-    """As a computer leaves a file that loses its power: a line added to it would be lost too."""
-    if not _holds_something(path) or not os.access(path, os.R_OK):
-        return False
-    with open(path, "rb") as stream:
-        stream.seek(-1, os.SEEK_END)
-        return stream.read(1) != b"\n"
-
-
 def _move_aside(path: str) -> None:
+    if not os.path.isfile(path) or not os.path.getsize(path):
+        return
     number = 1
     while os.path.lexists(f"{path}.{number}"):
         number += 1
@@ -53,14 +42,14 @@ class FileSink(Sink):
     """A file that takes whole lines, each with one system call, so that neither a crash nor a full
     disk leaves half a line behind.
 
+    What the file holds already is moved to the first free of ``path.1``, ``path.2`` and so on: a
+    flight's positions are flown only once. That is done when it is first opened: a flight that is
+    refused before has touched nothing.
+
     Parameters
     ----------
     path : str
         ``-`` for standard output.
-    keep : bool
-        Add to what the file holds already; otherwise that is moved to the first free of
-        ``path.1``, ``path.2`` and so on: a flight's positions are flown only once. That is done
-        when it is first opened: a flight that is refused before has touched nothing.
 
     Raises
     ------
@@ -71,10 +60,10 @@ class FileSink(Sink):
     chosen: Any = None  # of its class of options
     header: ClassVar[str] = ""  # first line of a new file
 
-    def __init__(self, path: str, keep: bool = False):
+    def __init__(self, path: str):
         self.name = self.file = path
         self._opened: Any = None  # its descriptor, while it is open
-        self._fresh = not keep
+        self._fresh = True
         if not self._standard:
             there = os.path.exists(path)
             try:
@@ -105,13 +94,11 @@ class FileSink(Sink):
                 raise OSError(errno.EBADF, "there is no standard output")
             self._opened = os.dup(sys.stdout.fileno())
         else:
-            if self._fresh and _holds_something(self.file):
+            if self._fresh:
                 _move_aside(self.file)
             self._fresh = False
             self._opened = os.open(self.file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         self._regular = stat.S_ISREG(os.fstat(self._opened).st_mode)
-        if self._regular and not self._standard and _ends_in_half_a_line(self.file):
-            self._add("")
         if self.header and (self._standard or os.fstat(self._opened).st_size == 0):
             self._add(self.header)
 
@@ -185,8 +172,7 @@ def _upper(covariance: np.ndarray) -> list[float]:
 
 
 class JsonLines(FileSink):
-    """Fixes as JSON lines; with `events` it is a log: events are lines as well, and an old file
-    is kept."""
+    """Fixes as JSON lines; with `events` it is a log: events are lines as well."""
 
     addresses = {
         "json": "one object a line on standard output, as csv and tum without a file; the default",
@@ -194,7 +180,7 @@ class JsonLines(FileSink):
     }
 
     def __init__(self, path: str, events: bool = False):
-        super().__init__(path, keep=events)
+        super().__init__(path)
         self._events = events
 
     def write(self, fix: Fix) -> None:

@@ -87,7 +87,6 @@ class Source(Edge, ABC):
 
     live = True
     pace = "fast"  # of one that is not live, unless `Playback` says another
-    reopens = True  # whether a live one may be better for being opened again
     rectified = False  # whether its images are already as those the map was learned from
     rectification: Rectification | None = None  # made to images of its size
     delay = 0.0  # seconds by which a live one's frames are old when they arrive

@@ -210,8 +210,6 @@ class Paced(Source):
         Seconds.
     """
 
-    reopens = False  # a recording would begin anew
-
     def __init__(
         self,
         source: Source,

@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.base.errors import ImageError, ParameterError
+from trexton.base.errors import ImageError
 from trexton.base.options import Options
 from trexton.onboard.sources.base import CameraLost, Expected, Frame, Source
 from trexton.vision.images import check_capture, decode_image, yuv_from_bgr, yuv_from_uyvy
@@ -80,9 +80,6 @@ class StreamSource(Source):
 
     @classmethod
     def make(cls, address: str, options: Options, around: Expected) -> Source:
-        path = Path(address)
-        if path.is_char_device() and not re.match(r"/dev/video\d+$", address):
-            raise ParameterError(f"camera {address!r} is no camera: give /dev/videoN")
         return cls(address)
 
     def __init__(
