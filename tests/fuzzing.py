@@ -180,8 +180,8 @@ def _source(folder: Path) -> Callable[[bytes], object]:
 
     def target(data: bytes) -> object:
         address = _word(data).replace("FLIGHT", str(folder))
-        if re.fullmatch(r"simulator(:[0-9]*)?|stream:.*", address):
-            return address  # sound: it would paint a room, or open what is there
+        if re.match("stream:", address):
+            return address  # sound: it would open what is there
         return open_source(address)
 
     return target

@@ -57,7 +57,7 @@ def test_what_takes_long_at_first_is_done_before_it_is_ready(images, flight, tmp
         return step(self, frame, **known)
 
     monkeypatch.setattr(Localizer, "step", steps)
-    camera = "simulator" if images else str(flight[0])
+    camera = "rtsp://127.0.0.1:1/x" if images else str(flight[0])
     onboard = build(Settings(str(path), (), (), {Flying: Flying(camera=camera)}))
     ((warmed, dimensions),) = stepped
     assert warmed is not onboard.localizer and warmed.samples == onboard.localizer.samples
@@ -142,7 +142,7 @@ def test_a_flight_that_is_refused_touches_no_output(flight, tmp_path, monkeypatc
 
 
 def test_images_for_a_map_of_histograms(flight, capsys):
-    assert main(["onboard", str(flight[1]), "--camera", "simulator", "--frames", "2"]) == 1
+    assert main(["onboard", str(flight[1]), "--camera", "rtsp://127.0.0.1:1/x"]) == 1
     assert "holds no textons" in capsys.readouterr().err
 
 

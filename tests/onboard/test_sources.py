@@ -25,7 +25,7 @@ from trexton.onboard.sources import (
     Source,
     open_source,
 )
-from trexton.onboard.sources.recorded import FlightSource, Paced, SimulatorSource, VideoFile
+from trexton.onboard.sources.recorded import FlightSource, Paced, VideoFile
 from trexton.onboard.sources.video import StreamSource, V4l2Source
 from trexton.vision.images import yuv_from_bgr, yuv_from_uyvy
 
@@ -120,7 +120,7 @@ class TestVideo:
         (tmp_path / "text.avi").write_text("not a video")
         for name in ("text.avi", "none.avi", "none%02d.png"):
             with pytest.raises(ImageError, match="not a video"):
-                VideoFile(str(tmp_path / name)).open()
+                VideoFile(str(tmp_path / name)).read()
 
     def test_a_named_pipe_is_a_live_stream(self, tmp_path):
         pipe = tmp_path / "camera.y4m"
@@ -243,15 +243,6 @@ def test_paced_holds_frames_back_until_their_time_and_stamps_them():
     np.testing.assert_allclose(
         [frame.time for frame in everything(source)], 50 + 0.08 * np.arange(4)
     )
-
-
-def test_simulator_flies_and_sees():
-    source = SimulatorSource(seed=3)
-    first, second = source.read(), source.read()
-    assert second.time - first.time == pytest.approx(0.08)
-    assert first.picture.shape == (480, 640, 3)
-    assert not np.array_equal(first.picture, second.picture)
-    np.testing.assert_array_equal(SimulatorSource(seed=3).read().picture, first.picture)
 
 
 def test_jpegs_cut_short_or_of_another_size_are_not_hidden(tmp_path, rng):

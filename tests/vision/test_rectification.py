@@ -18,7 +18,7 @@ from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
 from trexton.onboard.grabber import Grabber
-from trexton.onboard.sources import Expected, Frame, open_source
+from trexton.onboard.sources import Frame, open_source
 from trexton.onboard.tally import Tally
 from trexton.simulator import record_flight
 from trexton.vision.camera import Camera, Rectification
@@ -142,8 +142,8 @@ def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(pl
     assert picture(frame).shape == (84, 112, 3)
     for other in (None, np.zeros((84, 112, 3), np.uint8), np.zeros(8)):
         assert picture(replace(frame, picture=other)) is other
-    assert open_source(str(place / "flight"), Expected()).rectified
-    assert not open_source(str(place / "images" / "%03d.png"), Expected()).rectified
+    assert open_source(str(place / "flight")).rectified
+    assert not open_source(str(place / "images" / "%03d.png")).rectified
     with pytest.raises(ImageError, match="apply the map's rectification"):
         Localizer(texton_map, rng=np.random.default_rng(2)).step(frame.picture)
 

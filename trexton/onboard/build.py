@@ -22,7 +22,7 @@ from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, MapPlacement, MavlinkOptions, Settings
 from trexton.onboard.sinks import Guard, Surroundings, open_sink
 from trexton.onboard.sinks.files import JsonLines
-from trexton.onboard.sources import Expected, open_source
+from trexton.onboard.sources import open_source
 from trexton.onboard.tally import Tally
 
 __all__ = ["build"]
@@ -45,8 +45,7 @@ def build(settings: Settings) -> Onboard:
     tally = Tally()
     rectification = texton_map.rectification
     shape = texton_map.image_shape if rectification is None else rectification.source[::-1]
-    expected = Expected(shape, texton_map.period_s, flying.seed)
-    source = open_source(flying.camera, expected, settings.options)
+    source = open_source(flying.camera, shape, settings.options)
     if source.gives == "images" and texton_map.dictionary is None:
         raise MapError(
             f"{flying.camera} gives images, but the map was trained from histograms and holds no "
@@ -167,13 +166,9 @@ def _check_files(read: Sequence[str], outputs: Iterable[str], log: str | None) -
     """Refuse to write over what is read, and to write one file twice, or standard output."""
     written: set[str] = set()
     for path in filter(None, [*outputs, log]):
-        standard = path == "-"
-        real = path if standard else os.path.realpath(path)
-        if not standard:
+        real = path if path == "-" else os.path.realpath(path)
+        if path != "-":
             check_not_read(path, *read)
         if real in written and not real.startswith("/dev/"):
-            raise ParameterError(
-                f"{'standard output' if standard else path}: two outputs would write it: "
-                "give each a file of its own"
-            )
+            raise ParameterError(f"{path}: two outputs would write it: give each a file of its own")
         written.add(real)

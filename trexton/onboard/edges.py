@@ -44,7 +44,7 @@ class Edge:
         options : Options
             Of its class of options.
         around : object
-            What it may need to know beside them; its ``kind`` is the word before the address.
+            What it may need to know beside them.
         """
         raise NotImplementedError(f"{cls.__name__} is made by hand, not by an address")
 

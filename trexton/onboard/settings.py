@@ -21,6 +21,7 @@ __all__ = [
 
 COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER: what we are on the vehicle's network
 ORIGIN_LIMITS = ((-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10_000.0))  # degrees, degrees, metres
+CONSECUTIVE = 3  # estimates in a row that must lie inside
 LONGEST_DELAY = 0.4  # seconds: not much longer, and every position is stale when it is sent
 T = TypeVar("T", bound=Options)
 
@@ -85,9 +86,6 @@ class Landing(Options):
     land_within: float = option(
         60.0, "seconds over which a less probable touchdown comes to do", low=1
     )
-    consecutive: int | None = option(
-        None, "estimates in a row that must agree: 3, for a touchdown 1", low=1
-    )
     arm_landing: bool = option(False, "command the landing; without it, it is only said")
     allow_overconfident: bool = option(
         False, "land though the map's 90 % region held too few of its own flight's positions"
@@ -110,10 +108,8 @@ class Landing(Options):
                 f"{x_max:g} m and y {y_min:g} to {y_max:g} m: give a place on it"
             )
         if self.trigger == "touchdown":
-            return TouchdownZone(
-                (x, y), self.radius, time_limit=self.land_within, consecutive=self.consecutive or 1
-            )
-        return LandingZone((x, y), self.radius, spread, self.consecutive or 3)
+            return TouchdownZone((x, y), self.radius, time_limit=self.land_within)
+        return LandingZone((x, y), self.radius, spread, CONSECUTIVE)
 
 
 def _numbers(flag: str, text: str, counts: tuple[int, ...]) -> tuple[float, ...]:

@@ -26,9 +26,6 @@ WRAP_MS = 60_000  # milliseconds about the last of a clock of 32 bits in which i
 BUFFER_SIZE = 512  # of each: a second and more of the fastest stream, for a camera that is late
 MAX_SAMPLE_AGE = 0.5  # seconds between a frame and attitude, height or velocity that fit it
 NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
-# MAV_TYPE of what flies, drives or swims, by number: names have changed between dialects. Gimbals
-# (26), ADS-B receivers (27) and onboard controllers (18) are types too, and may name an autopilot.
-VEHICLES = {*range(1, 5), *range(7, 18), *range(19, 26), 28, 29, 35}
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
 INVALID_SIGNAL = 1  # of 100; 0 is unknown
 T = TypeVar("T")
@@ -38,9 +35,7 @@ class Listener:
     """Listens to one autopilot, whoever else is on the wire.
 
     Only an autopilot's heartbeat can make somebody the target: it names an autopilot, and it comes
-    from component 1 or from a type of vehicle, unless a component was named. The first vehicle that
-    is heard is ours. After a silence only the same vehicle is taken up again, unless none but
-    another has been heard since.
+    from component 1, unless another was named. The first vehicle that is heard is ours.
 
     Parameters
     ----------
@@ -164,12 +159,11 @@ class Listener:
 
     def _on_heartbeat(self, message: Any, now: float) -> None:
         system, component = message.get_srcSystem(), message.get_srcComponent()
-        vehicle = message.type in VEHICLES or component == mavlink.MAV_COMP_ID_AUTOPILOT1
         named_system, named_component = self._named
         if named_component is None and (
             message.autopilot in NO_AUTOPILOTS
             or message.type == mavlink.MAV_TYPE_GCS
-            or not vehicle
+            or component != mavlink.MAV_COMP_ID_AUTOPILOT1
         ):
             return
         if named_system not in (None, system) or named_component not in (None, component):
@@ -180,21 +174,11 @@ class Listener:
                 heard = ", ".join(map(str, sorted(self.systems)))
                 advice = "name ours with --target; no landing until then"
                 self.news.append({"event": "several vehicles", "systems": heard, "do": advice})
-        gone = self.target is not None and now - self.heard_at > 10 * HEARTBEAT_TIMEOUT
-        if self.target is None or (gone and system != self.target[0]):
-            self._adopt(system, component)
+        if self.target is None:
+            self.target = (system, component)
+            self.news.append({"event": "autopilot", "system": system, "component": component})
         if self.target == (system, component):
             self.heard_at, self._mode = now, message.custom_mode
-
-    def _adopt(self, system: int, component: int) -> None:
-        self.target, self._awake_ms = (system, component), 0
-        self._forget()
-        self.news.append({"event": "autopilot", "system": system, "component": component})
-
-    def _forget(self) -> None:
-        self._fused = self._landed = self.origin = None
-        for samples in (self._attitudes, self._heights, self._velocities):
-            samples.clear()
 
     def _notice_boot(self, awake_ms: int | None) -> None:
         """An autopilot whose own clock has jumped back by seconds has started anew, unless it
@@ -204,7 +188,9 @@ class Listener:
         wrapped = (awake_ms - self._awake_ms) % 2**32 < WRAP_MS
         if self._awake_ms - awake_ms > BOOT_CLOCK_STEP_MS and not wrapped:
             self.boots += 1
-            self._forget()
+            self._fused = self._landed = self.origin = None
+            for samples in (self._attitudes, self._heights, self._velocities):
+                samples.clear()
             self.news.append({"event": "autopilot restarted", "times": self.boots})
         self._awake_ms = awake_ms
 

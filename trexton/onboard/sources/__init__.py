@@ -13,16 +13,15 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.base.plugins import addresses
 from trexton.onboard.edges import edge_at, edge_classes
-from trexton.onboard.sources.base import CameraLost, Expected, Frame, Playback, Source
+from trexton.onboard.sources.base import CameraLost, Frame, Playback, Shape, Source
 from trexton.onboard.sources.recorded import Paced
 
 __all__ = [
-    "CameraLost", "Frame", "Playback", "SOURCES", "Source", "Expected", "open_source",
+    "CameraLost", "Frame", "Playback", "SOURCES", "Source", "open_source",
 ]  # fmt: skip
 
 # kind: module and class, in the order in which they are asked
 SOURCES = {
-    "simulator": "trexton.onboard.sources.recorded:SimulatorSource",
     "v4l2": "trexton.onboard.sources.video:V4l2Source",
     "flight": "trexton.onboard.sources.recorded:FlightSource",
     "stream": "trexton.onboard.sources.video:StreamSource",
@@ -31,14 +30,15 @@ SOURCES = {
 
 
 def open_source(
-    address: str, around: Expected | None = None, options: Mapping[type[Options], Any] | None = None
+    address: str, shape: Shape = None, options: Mapping[type[Options], Any] | None = None
 ) -> Source:
     """The source at `address`, not yet opened.
 
     Parameters
     ----------
     address : str
-    around : Expected, optional
+    shape : (rows, columns), optional
+        The image size to ask a camera for.
     options : mapping, optional
         An object for each class of options that differs from its defaults.
 
@@ -47,7 +47,6 @@ def open_source(
     TrextonError
         Nothing is there, or no source understands the address.
     """
-    around = around or Expected()
     if len(address.splitlines()) > 1:
         raise ParameterError(f"camera {address!r}: expected one line")
     try:
@@ -59,14 +58,14 @@ def open_source(
         if source is None:
             raise ParameterError(
                 f"camera {address!r} is not known: give /dev/videoN, a flight's folder, "
-                "a video file or URL, simulator, or KIND:ADDRESS with KIND one of "
+                "a video file or URL, or KIND:ADDRESS with KIND one of "
                 + ", ".join(addresses("sources", SOURCES))
             )
         chosen = (options or {}).get(source.options, source.options())
-        made: Source = source.make(rest, chosen, around)
+        made: Source = source.make(rest, chosen, shape)
     except OSError as error:
         raise ParameterError(
             f"camera {address[:80]!r} cannot be read ({error.strerror or error}): check its path"
         ) from None
-    pace = getattr(chosen, "pace", None) or made.pace
+    pace = getattr(chosen, "pace", "fast")
     return Paced(made) if pace == "stamps" and not made.live else made

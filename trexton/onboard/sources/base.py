@@ -14,7 +14,9 @@ from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge
 from trexton.vision.camera import Rectification
 
-__all__ = ["CameraLost", "Frame", "Playback", "Source", "Expected"]
+__all__ = ["CameraLost", "Frame", "Playback", "Shape", "Source"]
+
+Shape = tuple[int, int] | None  # rows and columns to ask a camera for
 
 
 class CameraLost(TrextonError):
@@ -50,32 +52,13 @@ class Frame:
 
 @dataclass(frozen=True)
 class Playback(Options):
-    """Recordings and the simulated room"""
+    """Recordings"""
 
-    pace: str | None = option(
-        None, "every frame as fast as possible, or at its own stamps like a live camera",
+    pace: str = option(
+        "fast", "every frame as fast as possible, or at its own stamps like a live camera",
         choices=("fast", "stamps"),
     )  # fmt: skip
     laps: int = option(1, "play a recording so many times", low=1)
-
-
-@dataclass(frozen=True)
-class Expected:
-    """What a source may need to know beside its address and its options.
-
-    Attributes
-    ----------
-    shape : (rows, columns) or None
-        The image size to ask the camera for.
-    period_s : float
-        Seconds from frame to frame where the source itself does not say.
-    seed : int
-        Of what is drawn.
-    """
-
-    shape: tuple[int, int] | None = None
-    period_s: float = 0.08
-    seed: int = 1
 
 
 class Source(Edge, ABC):
@@ -86,7 +69,6 @@ class Source(Edge, ABC):
     """
 
     live = True
-    pace = "fast"  # of one that is not live, unless `Playback` says another
     rectified = False  # whether its images are already as those the map was learned from
     rectification: Rectification | None = None  # made to images of its size
     delay = 0.0  # seconds by which a live one's frames are old when they arrive

@@ -1,6 +1,5 @@
-"""Recordings: flights, video files, the virtual room (`FlightSource`, `VideoFile`,
-`SimulatorSource`). Each says what one lap is, `Recording` plays it as often as asked for, and
-`Paced` holds it to its own pace."""
+"""Recordings: flights and video files (`FlightSource`, `VideoFile`). Each says what one lap is,
+`Recording` plays it as often as asked for, and `Paced` holds it to its own pace."""
 
 from __future__ import annotations
 
@@ -10,17 +9,17 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 
 from trexton.base.errors import FlightError, ImageError
-from trexton.base.streams import stream
 from trexton.flights import Flight, read_flight
-from trexton.onboard.sources.base import Expected, Frame, Playback, Source
+from trexton.onboard.sources.base import Frame, Playback, Shape, Source
 from trexton.onboard.sources.video import Pictures
 
-__all__ = ["FlightSource", "Paced", "Recording", "SimulatorSource", "VideoFile"]
+__all__ = ["FlightSource", "Paced", "Recording", "VideoFile"]
+
+UNKNOWN_PERIOD = 0.08  # seconds from frame to frame of a video that does not say
 
 
 class Recording(Source):
@@ -82,7 +81,7 @@ class FlightSource(Recording):
         return (Path(_parted(address)[0]) / "flight.toml").is_file()
 
     @classmethod
-    def make(cls, address: str, options: Playback, around: Expected) -> Source:
+    def make(cls, address: str, options: Playback, around: Shape) -> Source:
         folder, part = _parted(address)
         flight = read_flight(folder)
         if part is not None:
@@ -125,76 +124,27 @@ class VideoFile(Recording):
         return "%" in address or Path(address).is_file()
 
     @classmethod
-    def make(cls, address: str, options: Playback, around: Expected) -> Source:
-        return cls(address, options.laps, around.period_s)
+    def make(cls, address: str, options: Playback, around: Shape) -> Source:
+        return cls(address, options.laps)
 
-    def __init__(self, path: str, laps: int = 1, period_s: float = 0.08):
+    def __init__(self, path: str, laps: int = 1):
         super().__init__(laps)
-        self.path, self.period_s, self.files = path, period_s, (path,)
-        self._capture: Any = None
+        self.path, self.files = path, (path,)
 
-    def open(self) -> None:
-        self._capture = cv2.VideoCapture(self.path)
-        if not self._capture.isOpened():
+    def lap(self) -> Iterator[Frame]:
+        capture = cv2.VideoCapture(self.path)
+        if not capture.isOpened():
             raise ImageError(
                 f"{self.path}: not a video that OpenCV can open: convert it, or give another"
             )
-
-    def lap(self) -> Iterator[Frame]:
-        if self._capture is None:
-            self.open()
-        pictures = Pictures(self._capture, self.path)
-        rate = self._capture.get(cv2.CAP_PROP_FPS)
-        period_s = 1 / rate if math.isfinite(rate) and rate > 0 else self.period_s
+        pictures = Pictures(capture, self.path)
+        rate = capture.get(cv2.CAP_PROP_FPS)
+        period_s = 1 / rate if math.isfinite(rate) and rate > 0 else UNKNOWN_PERIOD
         row = 0
-        while (read := self._capture.read())[0]:
+        while (read := capture.read())[0]:
             yield Frame(row * period_s, pictures.picture(read[1]))
             row += 1
-        self.close()
-
-    def close(self) -> None:
-        if self._capture is not None:
-            self._capture.release()
-            self._capture = None
-
-
-class SimulatorSource(Recording):
-    """The virtual room, live: a vehicle on random waypoints over the painted hall, without end, and
-    what its camera sees each time it is asked.
-
-    Parameters
-    ----------
-    seed : int
-
-    Attributes
-    ----------
-    simulator : trexton.simulator.Simulator
-    """
-
-    pace = "stamps"
-    addresses = {"simulator": "the virtual room, live; `--seed` makes another flight"}
-
-    @staticmethod
-    def matches(address: str) -> bool:
-        return address == "simulator"
-
-    @classmethod
-    def make(cls, address: str, options: Playback, around: Expected) -> Source:
-        return cls(around.seed)
-
-    def __init__(self, seed: int = 1):
-        from trexton.simulator import Floor, Plan, Simulator, random_waypoints
-
-        super().__init__()
-        plan_rng, simulator_rng = stream(seed, "simulator").spawn(2)
-        floor = Floor.hall()
-        self._plan = Plan(random_waypoints(floor.area, plan_rng))
-        self.simulator = Simulator(floor, start=self._plan.start, speed=0.6, rng=simulator_rng)
-
-    def lap(self) -> Iterator[Frame]:
-        while True:
-            state = self.simulator.step(self._plan.goal(self.simulator.state.position))
-            yield Frame(state.time, self.simulator.render())
+        capture.release()
 
 
 class Paced(Source):

@@ -16,7 +16,7 @@ import numpy as np
 
 from trexton.base.errors import ImageError
 from trexton.base.options import Options
-from trexton.onboard.sources.base import CameraLost, Expected, Frame, Source
+from trexton.onboard.sources.base import CameraLost, Frame, Shape, Source
 from trexton.vision.images import check_capture, decode_image, yuv_from_bgr, yuv_from_uyvy
 
 __all__ = ["Pictures", "StreamSource", "V4l2Source", "is_stream"]
@@ -79,7 +79,7 @@ class StreamSource(Source):
         return is_stream(address)
 
     @classmethod
-    def make(cls, address: str, options: Options, around: Expected) -> Source:
+    def make(cls, address: str, options: Options, around: Shape) -> Source:
         return cls(address)
 
     def __init__(
@@ -138,10 +138,10 @@ class V4l2Source(StreamSource):
         return re.fullmatch(r"/dev/video\d+", address) is not None
 
     @classmethod
-    def make(cls, address: str, options: Options, around: Expected) -> V4l2Source:
-        return cls(address, around.shape)
+    def make(cls, address: str, options: Options, around: Shape) -> V4l2Source:
+        return cls(address, around)
 
-    def __init__(self, device: str, shape: tuple[int, int] | None, *more: Any):
+    def __init__(self, device: str, shape: Shape, *more: Any):
         super().__init__(device, *more)
         self.shape, self._reversed = shape, False
 
