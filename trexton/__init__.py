@@ -53,9 +53,9 @@ _EXPORTS = {
     "Estimation": "trexton.localization.estimation",
     "Recovery": "trexton.localization.recovery",
     "View": "trexton.localization.view",
-    "Sink": "trexton.onboard.sinks.base",
-    "Source": "trexton.onboard.sources.base",
-    "Frame": "trexton.onboard.sources.base",
+    "Sink": "trexton.onboard.sinks",
+    "Source": "trexton.onboard.sources",
+    "Frame": "trexton.onboard.sources",
     "Fix": "trexton.onboard.fix",
     "TrextonError": "trexton.base.errors",
 }

@@ -19,8 +19,8 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import train_map
 from trexton.onboard.intake import Aids
 from trexton.onboard.sinks import Guard
-from trexton.onboard.sources import Frame
-from trexton.onboard.sources.recorded import FlightSource, Paced
+from trexton.onboard.sources import Frame, Paced
+from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.tally import Tally
 from trexton.simulator import record_flight
 

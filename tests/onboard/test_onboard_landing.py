@@ -81,12 +81,10 @@ def test_the_search_begins_at_take_off_where_the_autopilot_tells():
 class Flight:
     """A commander and the estimates it is fed, 0.1 s apart."""
 
-    def __init__(self, armed=True, consecutive=3, **options):
+    def __init__(self, armed=True, consecutive=3):
         self.autopilot, self.events, self.now = Autopilot(), [], 0.0
         zone = LandingZone(INSIDE, 0.6, 0.6, consecutive)
-        self.commander = Commander(
-            zone, [self.autopilot] if armed else [], self.events.append, **options
-        )
+        self.commander = Commander(zone, [self.autopilot] if armed else [], self.events.append)
 
     def fly(
         self, frames=1, position=INSIDE, spread=(0.2, 0.2), lost=False, observed=True, stale=False
@@ -179,7 +177,7 @@ class TestAnswers:
         assert flight.autopilot.confirmations == [0, 0]
 
     def test_silence_is_asked_again_with_confirmation_counted_up_and_then_given_up(self):
-        flight = Flight(answer_within=1.0, attempts=5)
+        flight = Flight()
         flight.fly(3)
         assert flight.fly(39) is State.ASKED
         assert flight.autopilot.confirmations == [0, 1, 2, 3]
@@ -190,7 +188,7 @@ class TestAnswers:
 
     @pytest.mark.parametrize("result", [1, 5])
     def test_in_progress_or_temporarily_rejected_is_given_time(self, result):
-        flight = Flight(answer_within=1.0)
+        flight = Flight()
         flight.fly(3)
         flight.fly(8)
         flight.autopilot.answer(result)
@@ -210,7 +208,7 @@ class TestAnswers:
         ],
     )
     def test_what_is_said_at_the_end_is_what_happened(self, result, state, why):
-        flight = Flight(answer_within=1.0)
+        flight = Flight()
         for _ in range(100):
             before = len(flight.autopilot.confirmations)
             flight.fly()
@@ -220,7 +218,7 @@ class TestAnswers:
 
     def test_only_commands_that_went_out_count(self):
         """The link comes up eleven seconds after the landing was due: it still gets all five."""
-        flight = Flight(answer_within=1.0)
+        flight = Flight()
         flight.autopilot.connected = False
         assert flight.fly(110) is State.ASKED and "no autopilot" in flight.commander.why
         assert len(flight.states) == 2  # it is said once

@@ -22,7 +22,7 @@ import numpy as np
 
 from trexton.base.options import Options, option
 from trexton.localization.measurement import RankMixture
-from trexton.onboard.sinks.base import Sink
+from trexton.onboard.sinks import Sink
 
 
 @dataclass(eq=False)

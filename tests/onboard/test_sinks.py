@@ -14,8 +14,7 @@ import pytest
 from onboard_tools import Clock, make_fix, surroundings
 
 from trexton.base.errors import ParameterError
-from trexton.onboard.sinks import Guard, open_sink
-from trexton.onboard.sinks.base import Sink
+from trexton.onboard.sinks import Guard, Sink, open_sink
 from trexton.onboard.sinks.files import JsonLines
 from trexton.onboard.tally import Tally
 

@@ -21,11 +21,12 @@ from trexton.onboard.sources import (
     SOURCES,
     CameraLost,
     Frame,
+    Paced,
     Playback,
     Source,
     open_source,
 )
-from trexton.onboard.sources.recorded import FlightSource, Paced, VideoFile
+from trexton.onboard.sources.recorded import FlightSource, VideoFile
 from trexton.onboard.sources.video import StreamSource, V4l2Source
 from trexton.vision.images import yuv_from_bgr, yuv_from_uyvy
 

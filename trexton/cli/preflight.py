@@ -21,8 +21,7 @@ from trexton.onboard.edges import edge_at
 from trexton.onboard.intake import BLACK_LEVEL, WHITE_LEVEL, Aids
 from trexton.onboard.loop import CAUSES, Onboard
 from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, MapPlacement, Settings
-from trexton.onboard.sinks import SINKS
-from trexton.onboard.sinks.base import Check
+from trexton.onboard.sinks import SINKS, Check
 from trexton.onboard.sources import Frame, Playback
 from trexton.vision.images import blur_effect
 from trexton.vision.time_offset import small, time_offset, turns

@@ -22,6 +22,7 @@ REASONS = {
 EXIT_RADII = 1.5  # from the centre: nearer, a position that jitters has not left the zone
 EXIT_SECONDS = 3.0  # seconds outside after which a return is another visit
 UNHEARD = "no autopilot is there to be commanded, or which one is in doubt"
+ANSWER_WITHIN, ATTEMPTS = 1.0, 5  # seconds before asking again, and times to ask in one visit
 ACK_TIMEOUT = 10.0  # an answer later than this after the latest command belongs to no command
 
 
@@ -58,7 +59,7 @@ class Commander:
     enough.
 
     The promise is kept a *visit*: the first trigger begins one, and it ends when the vehicle has
-    been well outside the zone for some seconds. Within a visit the command goes out `attempts`
+    been well outside the zone for some seconds. Within a visit the command goes out `ATTEMPTS`
     times at most, however often the position flickers over the edge; a refusal is final, and so is
     a landing that was accepted and that the pilot ended.
 
@@ -69,10 +70,6 @@ class Commander:
         Told to land all at once; empty for a dry run.
     report : callable
         Takes each event, as a dict.
-    answer_within : float
-        Seconds to wait for an answer before asking again.
-    attempts : int
-        Times to ask in one visit.
     """
 
     def __init__(
@@ -80,12 +77,8 @@ class Commander:
         zone: LandingZone,
         landers: Sequence[LandingLink],
         report: Callable[[dict[str, object]], None],
-        *,
-        answer_within: float = 1.0,
-        attempts: int = 5,
     ):
         self.zone, self._landers, self._report = zone, landers, report
-        self._answer_within, self._attempts = answer_within, attempts
         self.state = State.WATCHING
         self.why = ""
         self._sent = 0  # commands of this visit that a link took
@@ -156,12 +149,12 @@ class Commander:
             self._become(State.ASKED, "", **where)
         if now < self._ask_at:
             return
-        if self._sent >= self._attempts:
+        if self._sent >= ATTEMPTS:
             why = f"{self._put_off}, " if self._put_off else ""
             ended = State.REFUSED if self._put_off else State.UNANSWERED
             self._become(ended, f"{why}{self._sent} commands sent")
             return
-        self._ask_at = now + self._answer_within
+        self._ask_at = now + ANSWER_WITHIN
         self._before, self._during = self._phases(), {}
         if any([lander.land(self._sent) for lander in self._landers]):
             self._report({"event": "land", "confirmation": self._sent})
@@ -195,7 +188,7 @@ class Commander:
             if self.state not in (State.LANDING, State.LANDED, State.ABORTED):
                 self._become(State.LANDING, "accepted")
         elif result in (IN_PROGRESS, TEMPORARILY_REJECTED):
-            self._ask_at = now + self._answer_within  # it is there: give it time, then ask again
+            self._ask_at = now + ANSWER_WITHIN  # it is there: give it time, then ask again
             self._put_off = REASONS[result]
         elif self.state is not State.LANDED:  # also while it flickers, also after it had accepted
             self._become(State.REFUSED, REASONS.get(result, f"result {result}"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import replace
 
-from trexton.onboard.sources.base import CameraLost, Frame, Source
+from trexton.onboard.sources import CameraLost, Frame, Source
 from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from trexton.flights.aiding import Aiding
-from trexton.onboard.sinks.base import Guard
-from trexton.onboard.sources.base import Frame
+from trexton.onboard.sinks import Guard
+from trexton.onboard.sources import Frame
 
 __all__ = ["AIDS", "Aids", "Inspector"]
 

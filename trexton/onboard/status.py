@@ -12,7 +12,7 @@ import numpy as np
 
 from trexton.onboard.commander import Commander
 from trexton.onboard.fix import Fix
-from trexton.onboard.sinks.base import Guard
+from trexton.onboard.sinks import Guard
 from trexton.onboard.tally import Tally
 
 __all__ = ["Status"]

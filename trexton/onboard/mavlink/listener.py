@@ -138,21 +138,19 @@ class Listener:
         """What the autopilot knows of that moment, in the map's axes."""
         attitude = _nearest(self._attitudes, time)
         height, velocity = _nearest(self._heights, time), _nearest(self._velocities, time)
+        # What share of a distance along the vehicle's own axis is height.
+        tilt = None if height is None else self.attitude(height[0])
+        upright = 1.0 if tilt is None else float(np.cos(tilt[0]) * np.cos(tilt[1]))
         roll, pitch, yaw = (None, None, None) if attitude is None else attitude[1]
         if yaw is not None:
             ahead = self._local.ned_from_map @ (np.cos(yaw), np.sin(yaw))  # its own inverse
             yaw = float(np.arctan2(-ahead[0], ahead[1]))  # from the map's y, anticlockwise
         return Aiding(
             roll, pitch, yaw,
-            None if height is None else height[1] * self._upright(height[0]),
+            None if height is None else height[1] * upright,
             None if velocity is None else self._local.ned_from_map @ velocity[1],
             *(None if entry is None else entry[0] for entry in (attitude, height, velocity)),
         )  # fmt: skip
-
-    def _upright(self, time: float) -> float:
-        """What share of a distance along the vehicle's own axis is height; 1 where unknown."""
-        attitude = self.attitude(time)
-        return 1.0 if attitude is None else float(np.cos(attitude[0]) * np.cos(attitude[1]))
 
     def _from_autopilot(self, message: Any) -> bool:
         return self.target == (message.get_srcSystem(), message.get_srcComponent())

@@ -68,7 +68,7 @@ class Speaker:
         self._asked = ["roll", "grounded"]
         self._asked += {"none": [], "tilt": ["height"], "all": ["height", "velocity"]}[aiding]
         self.withheld = 0
-        self._commands: deque[Any] = deque()
+        self.commands: deque[Any] = deque()
         self._fix: Fix | None = None  # the latest usable one that an image went into
         self._failed: Fix | None = None
         self._told_at = -np.inf
@@ -93,21 +93,17 @@ class Speaker:
         if listener.target is None or not (listener.present(now) and listener.certain):
             return False
         unset = [self.profile.unset] * 4  # here and now
-        self._commands.append(
+        self.commands.append(
             mavlink.MAVLink_command_long_message(
                 *listener.target, mavlink.MAV_CMD_NAV_LAND, confirmation, 0, 0, 0, *unset
             )
         )
         return True
 
-    def forget_commands(self) -> None:
-        """The link is gone: what was commanded here and now must not go out there and then."""
-        self._commands.clear()
-
     def due(self, now: float) -> list[Any]:
         """The messages to send now."""
-        out = [*self._commands]
-        self._commands.clear()
+        out = [*self.commands]
+        self.commands.clear()
         out += [
             # Our clock beside the stamp of the request: the autopilot converts our stamps by it.
             mavlink.MAVLink_timesync_message(round(1e9 * now), request.ts1)
@@ -190,11 +186,9 @@ class Speaker:
                 failed = True
         if failed:
             report = Report(stamp, fix.position, fix.covariance, attitude, fix.resets)
-            return _some(self.profile.failed(fix, report))
-        report = Report(stamp, fusion.position, covariance, attitude, fix.resets, yaw, sigma)
-        position = self.profile.position(fix, report)
-        return [position] if again else _some(position, self.profile.zone(report))
-
-
-def _some(*messages: Any) -> list[Any]:
-    return [each for each in messages if each is not None]
+            said = [self.profile.failed(fix, report)]
+        else:
+            report = Report(stamp, fusion.position, covariance, attitude, fix.resets, yaw, sigma)
+            said = [self.profile.position(fix, report)]
+            said += [] if again else [self.profile.zone(report)]
+        return [each for each in said if each is not None]

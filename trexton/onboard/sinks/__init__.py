@@ -1,4 +1,5 @@
-"""Where positions go: a registry of classes that declare themselves.
+"""Where positions go: what every sink is, the guard that keeps a failing one from stopping the
+rest, and the registry of classes that declare themselves.
 
 An address is ``KIND`` or ``KIND:REST``. A sink is one file with its class, its address and its
 options, and its line here; one of a person's own needs no line (`trexton.base.plugins`).
@@ -6,17 +7,25 @@ options, and its line here; one of a person's own needs no line (`trexton.base.p
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
-from trexton.base.errors import ParameterError
+import numpy as np
+
+from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.options import Options
 from trexton.base.plugins import addresses
-from trexton.onboard.edges import edge_at
-from trexton.onboard.sinks.base import Guard, Sink, Surroundings
+from trexton.flights.aiding import Aiding
+from trexton.onboard.edges import Edge, edge_at
+from trexton.onboard.fix import Fix, LocalFrame
+from trexton.onboard.tally import Tally
+from trexton.onboard.voice import say
 
-__all__ = ["Guard", "SINKS", "Sink", "Surroundings", "open_sink"]
+__all__ = ["Check", "Guard", "SINKS", "Sink", "Surroundings", "extra", "open_sink"]
 
 # kind: module and class; several kinds may share one
 SINKS = {
@@ -28,6 +37,179 @@ SINKS = {
     "serial": "trexton.onboard.sinks.mavlink:MavlinkSink",
     "crazyflie": "trexton.onboard.sinks.crazyflie:CrazyflieSink",
 }
+FIRST_PAUSE, LONGEST_PAUSE = 1.0, 30.0
+
+
+@contextmanager
+def extra(who: str, package: str, name: str) -> Iterator[None]:
+    """Around the imports of an extra; raises `ParameterError` where it is not installed."""
+    try:
+        yield
+    except ImportError:
+        words = f"{who} needs the package {package}: pip install 'trexton[{name}]'"
+        raise ParameterError(words) from None
+
+
+@dataclass(frozen=True)
+class Check:
+    """A line of the preflight check: what was looked at, whether it holds, and what was found."""
+
+    name: str
+    holds: bool
+    words: str
+
+    def __str__(self) -> str:
+        return f"{'ok  ' if self.holds else 'FAIL'}  {self.name}: {self.words}"
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a sink may need to know beside its address and its options.
+
+    Attributes
+    ----------
+    local : LocalFrame
+        How the map lies on the ground.
+    area : (x_min, x_max, y_min, y_max)
+        The map's area in metres.
+    motion_rate : (2, 2) array
+        Covariance that the motion model adds in a second, square metres.
+    tally : Tally
+    aiding : {"tilt", "all", "none"}
+        What of the other side's knowledge is used.
+    target : (2,) array or None
+        Centre of the landing zone, metres on the map, where there is one.
+    clock : callable
+        Seconds, the clock that stamps live frames.
+    kind : str
+        The word before the sink's address.
+    """
+
+    local: LocalFrame
+    area: tuple[float, float, float, float]
+    motion_rate: np.ndarray
+    tally: Tally
+    aiding: str = "none"
+    target: np.ndarray | None = None
+    clock: Callable[[], float] = time.monotonic
+    kind: str = ""
+
+
+class Sink(Edge, ABC):
+    """Takes one fix after another. Where the world outside fails it raises `OSError`, except in its
+    constructor: `Guard` counts what was not delivered and tries again. Any other error is a bug and
+    ends the run.
+
+    Attributes
+    ----------
+    name : str
+        In messages to people.
+    file : str
+        The file it writes, if any: nothing that was read, and no file twice.
+    autopilot : bool
+        Whether it goes to an autopilot: the preflight check speaks to those alone.
+    """
+
+    name = "output"
+    file = ""
+    autopilot: ClassVar[bool] = False
+
+    def checks(self, now: float) -> Iterable[Check]:
+        """What the preflight check says of the other side."""
+        yield Check("link", True, f"{self.name} never answers: nothing can be said of it")
+
+    @abstractmethod
+    def open(self) -> None:
+        """Begin, or begin again after a fault."""
+
+    @abstractmethod
+    def write(self, fix: Fix) -> None:
+        """Take one fix."""
+
+    def event(self, event: dict[str, Any]) -> None:
+        """Take something worth remembering that is no fix: a command, an answer, a count."""
+
+    def news(self) -> list[dict[str, Any]]:
+        """What has happened on the other side since this was last asked, as events for the log."""
+        return []
+
+    def aiding(self, time: float) -> Aiding | None:
+        """What the other side knows of the vehicle at that moment, where there is one to ask."""
+        return None
+
+    def status(self) -> str:
+        """A few words for the status line."""
+        return ""
+
+    def close(self) -> None:
+        """Let go of file or connection."""
+
+
+class Guard:
+    """A sink that may fail: counted, closed, and opened again after a pause that doubles up to
+    `LONGEST_PAUSE`.
+
+    Parameters
+    ----------
+    sink : Sink
+    tally : Tally
+    clock : callable
+        Seconds.
+
+    Attributes
+    ----------
+    left_out : int
+        Fixes and events that it did not take.
+    """
+
+    def __init__(self, sink: Sink, tally: Tally, clock: Callable[[], float] = time.monotonic):
+        self.sink, self._tally, self._clock = sink, tally, clock
+        self.left_out = 0
+        self._open, self._pause, self._retry_at = False, FIRST_PAUSE, -np.inf
+
+    def write(self, fix: Fix) -> None:
+        """Pass the fix on, if the sink works."""
+        self._try(lambda: self.sink.write(fix))
+
+    def event(self, event: dict[str, Any]) -> None:
+        """Pass the event on, if the sink works."""
+        self._try(lambda: self.sink.event(event))
+
+    def _try(self, act: Callable[[], None]) -> None:
+        now = self._clock()
+        if not self._open and now < self._retry_at:
+            self.left_out += 1
+            return
+        try:
+            if not self._open:
+                self.sink.open()
+                self._open = True
+            act()
+            self._pause = FIRST_PAUSE
+        except (OSError, TrextonError) as error:
+            self._tally.count("output")
+            self.left_out += 1
+            why = getattr(error, "strerror", None) or error
+            say(f"trexton onboard: {self.sink.name}: {why}: trying again in {self._pause:g} s")
+            self._retry_at = now + self._pause
+            self._pause = min(2 * self._pause, LONGEST_PAUSE)
+            self._open = False
+            self._close()
+        except Exception:  # a bug: nothing more is asked of it, and the run ends
+            self.left_out += 1
+            self._open, self._retry_at = False, np.inf
+            self._close()
+            raise
+
+    def close(self) -> None:
+        """Close the sink, whatever state it is in."""
+        if self._open:
+            self._open = False
+            self._close()
+
+    def _close(self) -> None:
+        with suppress(OSError, ValueError):
+            self.sink.close()
 
 
 def open_sink(

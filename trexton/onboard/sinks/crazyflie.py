@@ -13,7 +13,7 @@ from typing import Any
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.onboard.fix import Fix, LocalFrame, largest_deviation
-from trexton.onboard.sinks.base import Sink, Surroundings, extra
+from trexton.onboard.sinks import Sink, Surroundings, extra
 
 __all__ = ["CrazyflieSink"]
 

@@ -19,7 +19,7 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.records import plain
 from trexton.onboard.fix import Fix
-from trexton.onboard.sinks.base import Sink, Surroundings
+from trexton.onboard.sinks import Sink, Surroundings
 
 __all__ = ["CsvTable", "FileSink", "JsonLines", "TumTrajectory", "row"]
 

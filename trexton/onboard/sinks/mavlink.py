@@ -14,7 +14,7 @@ from trexton.flights.aiding import Aiding
 from trexton.onboard.fix import Fix
 from trexton.onboard.mavlink.link import Link, make_link
 from trexton.onboard.settings import MavlinkOptions
-from trexton.onboard.sinks.base import Check, Sink, Surroundings, extra
+from trexton.onboard.sinks import Check, Sink, Surroundings, extra
 from trexton.onboard.tally import Tally
 
 if TYPE_CHECKING:
@@ -194,7 +194,8 @@ class MavlinkSink(Sink):
             finally:
                 with self._lock:
                     self.connected = False
-                    self.speaker.forget_commands()
+                    # What was commanded here and now must not go out there and then.
+                    self.speaker.commands.clear()
                 self._link.close()
             self._stop.wait(pause)
             pause = min(2 * pause, LONGEST_PAUSE)

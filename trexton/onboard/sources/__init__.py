@@ -1,4 +1,5 @@
-"""Where frames come from: a registry of classes that declare themselves.
+"""Where frames come from: what every source is (open, read one frame after another, close), a
+recording at its own pace (`Paced`), and the registry of classes that declare themselves.
 
 The first class that matches an address makes the source; ``KIND:ADDRESS`` asks for one by name.
 Adding a source is its file and its line here.
@@ -6,18 +7,23 @@ Adding a source is its file and its line here.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
-from trexton.base.errors import ParameterError
-from trexton.base.options import Options
+import numpy as np
+
+from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.options import Options, option
 from trexton.base.plugins import addresses
-from trexton.onboard.edges import edge_at, edge_classes
-from trexton.onboard.sources.base import CameraLost, Frame, Playback, Shape, Source
-from trexton.onboard.sources.recorded import Paced
+from trexton.flights.aiding import Aiding
+from trexton.onboard.edges import Edge, edge_at, edge_classes
+from trexton.vision.rectification import Rectification
 
 __all__ = [
-    "CameraLost", "Frame", "Playback", "SOURCES", "Source", "open_source",
+    "CameraLost", "Frame", "Paced", "Playback", "SOURCES", "Shape", "Source", "open_source",
 ]  # fmt: skip
 
 # kind: module and class, in the order in which they are asked
@@ -27,6 +33,127 @@ SOURCES = {
     "stream": "trexton.onboard.sources.video:StreamSource",
     "video": "trexton.onboard.sources.recorded:VideoFile",
 }
+
+Shape = tuple[int, int] | None  # rows and columns to ask a camera for
+
+
+class CameraLost(TrextonError):
+    """The source gives no more frames, but may do so again once it is opened anew."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frame:
+    """One frame as it came.
+
+    Attributes
+    ----------
+    time : float
+        Seconds at which it was captured.
+    picture : (H, W, 3) uint8 array, (K,) array or None
+        Image (Y, U, V) or histogram; None where it came but cannot be decoded.
+    number : int or None
+        As the flight numbers it; None where nobody does.
+    aiding : Aiding or None
+        What the vehicle knew at this frame, where the recording tells.
+    """
+
+    time: float
+    picture: np.ndarray | None
+    number: int | None = None
+    aiding: Aiding | None = None
+
+    def shifted(self, seconds: float) -> Frame:
+        """The same so many seconds later."""
+        aiding = None if self.aiding is None else self.aiding.shifted(seconds)
+        return replace(self, time=self.time + seconds, aiding=aiding)
+
+
+@dataclass(frozen=True)
+class Playback(Options):
+    """Recordings"""
+
+    pace: str = option(
+        "fast", "every frame as fast as possible, or at its own stamps like a live camera",
+        choices=("fast", "stamps"),
+    )  # fmt: skip
+    laps: int = option(1, "play a recording so many times", low=1)
+
+
+class Source(Edge, ABC):
+    """A camera, or something that stands for one.
+
+    A live source makes its own time: it is read in a thread, and only its newest frame is decoded.
+    Any other is read frame by frame by whoever works on them, so that nothing is left out.
+    """
+
+    live = True
+    rectified = False  # whether its images are already as those the map was learned from
+    rectification: Rectification | None = None  # made to images of its size
+    delay = 0.0  # seconds by which a live one's frames are old when they arrive
+    gives: str | None = None  # "images" or "histograms", where that is known beforehand
+    files: tuple[str, ...] = ()  # files and folders that are read: no output may go there
+    watch: Callable[[Frame], None] | None = None  # shown each frame before it is localized
+
+    @staticmethod
+    def matches(address: str) -> bool:
+        """Whether an address without a kind is of this one."""
+        return False
+
+    def open(self) -> None:  # noqa: B027 - where there is something to open
+        """Begin, or begin again after a fault; raises `CameraLost` where there is nothing
+        to open."""
+
+    @abstractmethod
+    def read(self) -> Frame | None:
+        """The next frame, or None after the last; raises `CameraLost` where opening again
+        may help."""
+
+    def decoded(self, frame: Frame) -> Frame:
+        """A frame that was read, with its picture as it is localized.
+
+        What takes long belongs here: a live source is read to its end without it, so that nothing
+        waits in the device, driver or network, and only the newest frame is worked on.
+        """
+        return frame
+
+    def close(self) -> None:
+        """Let go of the device or file."""
+
+
+class Paced(Source):
+    """Plays a recording at its own stamps, like a camera: who is slow misses frames.
+
+    Each frame is held back until its time has come, and stamped with the clock.
+
+    Parameters
+    ----------
+    source : Source
+        A recording.
+    clock, sleep : callable
+        Seconds.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ):
+        self.source, self.gives, self.files = source, source.gives, source.files
+        self.rectified = source.rectified
+        self.open, self.close = source.open, source.close  # type: ignore[method-assign]
+        self._clock, self._sleep = clock, sleep
+        self._offset: float | None = None
+
+    def read(self) -> Frame | None:
+        frame = self.source.read()
+        if frame is None:
+            return None
+        if self._offset is None:
+            self._offset = self._clock() - frame.time
+        due = frame.time + self._offset
+        self._sleep(max(0.0, due - self._clock()))
+        return frame.shifted(self._clock() - frame.time)
 
 
 def open_source(

@@ -1,12 +1,11 @@
 """Recordings: flights and video files (`FlightSource`, `VideoFile`). Each says what one lap is,
-`Recording` plays it as often as asked for, and `Paced` holds it to its own pace."""
+and `Recording` plays it as often as asked for."""
 
 from __future__ import annotations
 
 import math
-import time
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,10 +13,10 @@ import cv2
 
 from trexton.base.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight
-from trexton.onboard.sources.base import Frame, Playback, Shape, Source
+from trexton.onboard.sources import Frame, Playback, Shape, Source
 from trexton.onboard.sources.video import Pictures
 
-__all__ = ["FlightSource", "Paced", "Recording", "VideoFile"]
+__all__ = ["FlightSource", "Recording", "VideoFile"]
 
 UNKNOWN_PERIOD = 0.08  # seconds from frame to frame of a video that does not say
 
@@ -145,39 +144,3 @@ class VideoFile(Recording):
             yield Frame(row * period_s, pictures.picture(read[1]))
             row += 1
         capture.release()
-
-
-class Paced(Source):
-    """Plays a recording at its own stamps, like a camera: who is slow misses frames.
-
-    Each frame is held back until its time has come, and stamped with the clock.
-
-    Parameters
-    ----------
-    source : Source
-        A recording.
-    clock, sleep : callable
-        Seconds.
-    """
-
-    def __init__(
-        self,
-        source: Source,
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
-    ):
-        self.source, self.gives, self.files = source, source.gives, source.files
-        self.rectified = source.rectified
-        self.open, self.close = source.open, source.close  # type: ignore[method-assign]
-        self._clock, self._sleep = clock, sleep
-        self._offset: float | None = None
-
-    def read(self) -> Frame | None:
-        frame = self.source.read()
-        if frame is None:
-            return None
-        if self._offset is None:
-            self._offset = self._clock() - frame.time
-        due = frame.time + self._offset
-        self._sleep(max(0.0, due - self._clock()))
-        return frame.shifted(self._clock() - frame.time)

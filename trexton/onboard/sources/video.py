@@ -16,7 +16,7 @@ import numpy as np
 
 from trexton.base.errors import ImageError
 from trexton.base.options import Options
-from trexton.onboard.sources.base import CameraLost, Frame, Shape, Source
+from trexton.onboard.sources import CameraLost, Frame, Shape, Source
 from trexton.vision.images import check_capture, decode_image, yuv_from_bgr, yuv_from_uyvy
 
 __all__ = ["Pictures", "StreamSource", "V4l2Source", "is_stream"]
