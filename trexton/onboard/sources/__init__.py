@@ -20,7 +20,7 @@ from trexton.base.options import Options, option
 from trexton.base.plugins import addresses
 from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge, edge_at, edge_classes
-from trexton.vision.rectification import Rectification
+from trexton.vision.camera import Rectification
 
 __all__ = [
     "CameraLost", "Frame", "Paced", "Playback", "SOURCES", "Shape", "Source", "open_source",
