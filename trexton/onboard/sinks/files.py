@@ -80,7 +80,7 @@ class FileSink(Sink):
     def make(cls, address: str, options: Any, around: Surroundings) -> Self:
         """The sink of an address ``KIND:FILE``, or ``KIND`` for standard output."""
         made = cls(address or "-")
-        made.name, made.chosen = f"{around.kind}:{address}", options
+        made.name, made.chosen = f"{around.kind}:{made.file}", options
         return made
 
     @property
