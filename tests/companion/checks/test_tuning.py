@@ -18,7 +18,6 @@ from trexton.companion.checks.tuning import (
     Tried,
     choose,
     commands,
-    flags,
     frontier,
     replayed_errors,
     search,
@@ -26,8 +25,6 @@ from trexton.companion.checks.tuning import (
 from trexton.flights import Flight, write_flight
 from trexton.flights.aiding import Aiding
 from trexton.localization.training import train_map
-from trexton.simulator import record_flight
-from trexton.vision.camera import Camera
 
 
 def told_apart(frames: int = 90) -> Flight:
@@ -131,9 +128,9 @@ def test_a_search_ends_where_no_change_is_any_better_and_passes_over_what_cannot
 
 
 def test_settings_are_typed_as_they_are_printed():
-    setting = {"method": "field", "textons": 30, "samples": 0, "cells": 2, "odometry": True}
+    setting = {"method": "field", "textons": 30, "samples": 0, "cells": 2}
     train, fly = commands(setting, "room", "m.npz")
-    field = "--method field --textons 30 --cells 2 --set odometry=visual"
+    field = "--method field --textons 30 --cells 2"
     assert train == f"trexton train room -o m.npz {field}"
     assert fly == "trexton onboard m.npz --samples 0"
     assert commands(setting, "my hall; a", "m.npz")[0].startswith("trexton train 'my hall; a' -o")
@@ -141,25 +138,6 @@ def test_settings_are_typed_as_they_are_printed():
         str(Tried(setting, 0.123, 0.002)) == f"  12.3 cm    2.000 ms a frame  {field} --samples 0"
     )
     assert str(Tried({"method": "paper"}, 12.3, 0.002)).startswith("  12.3 m ")
-
-
-@pytest.fixture(scope="module")
-def survey(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("tuning") / "survey"
-    return record_flight(folder, frames=170, camera=Camera(160, 120, 130.0), seed=3)
-
-
-def test_a_search_sees_what_odometry_brings_where_a_flight_shows_how_it_moves(survey):
-    alone, moving = search(survey, methods=["field"], trials=2)
-    assert "odometry" not in alone.setting and moving.setting["odometry"]
-    assert moving.error_m != alone.error_m
-    train, _ = flags(moving.setting)
-    assert train == "--method field --textons 20 --cells 2 --set odometry=visual"
-
-
-def test_without_a_camera_no_odometry_is_flown(survey):
-    (one,) = search(replace(survey, camera=None), methods=["field"], trials=2)
-    assert "odometry" not in one.setting
 
 
 def test_bad_input_is_one_clear_error():

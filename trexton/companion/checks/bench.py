@@ -1,17 +1,20 @@
 """Speed of every stage as a ratio to a yardstick of the same run.
 
-Offers `measure`, which gives a row for each contest of the `STAGES`. They work on a flight of the
-virtual room and on maps trained from it.
+Offers `measure`, which gives a row for each contest of the `STAGES`, and `measure_board`. They work
+on a flight of the virtual room and on maps trained from it.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, cached_property, partial
+from importlib.metadata import version
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -24,45 +27,39 @@ from trexton.base.streams import stream
 from trexton.companion.checks.timing import Contest, Row
 from trexton.companion.executor import environment
 from trexton.companion.experiments.evaluation import evenly_spread
+from trexton.companion.provenance import machine
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
-from trexton.vision.histograms import sampled_histogram, texton_histogram
+from trexton.vision.histograms import texton_histogram
 from trexton.vision.images import position_grid
 
-__all__ = ["STAGES", "Scene", "measure"]
+__all__ = ["STAGES", "Scene", "measure", "measure_board"]
 
 Contests = Iterator[Contest]
 
 _GEMM = 2048
 _SIZE = "640x480"
 _VIEWS = 48  # frames that are looked at, evenly over the flight
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")
 _PARTICLES = ((50, 0.5, 1), (500, 0.04, 1), (5000, 0.02, 2))  # how many, limit, threads
 
 
 class Scene:
-    """A survey of the painted hall and all that a stage may ask for, made when asked for.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the flight is written.
-    quick : bool
-        200 frames instead of 800, and less of everything that is measured.
-    seed : int
+    """A survey of the painted hall in `folder` and all that a stage may ask for, made when asked
+    for.
     """
 
-    def __init__(self, folder: Path, quick: bool = False, seed: int = 1):
-        self.folder, self.quick, self.seed = folder, quick, seed
+    def __init__(self, folder: Path, frames: int = 800, seed: int = 1):
+        self.folder, self.frames, self.seed = folder, frames, seed
         self.map = cache(self.train)  # by method
 
     @cached_property
     def flight(self) -> Flight:
         from trexton.simulator import record_flight
 
-        frames = 200 if self.quick else 800
-        return record_flight(self.folder / "flight", frames=frames, seed=self.seed)
+        return record_flight(self.folder / "flight", frames=self.frames, seed=self.seed)
 
     @cached_property
     def rows(self) -> np.ndarray:
@@ -96,13 +93,9 @@ def _anew(scene: Scene, method: str) -> TextonMap:
 
 
 def histogram(scene: Scene) -> Contests:
-    """Every patch of a frame labelled against sgemm; and 400 patches against all of them."""
-    dictionary, rng, view = (
-        scene.map("paper").alphabet,
-        stream(scene.seed, "samples"),
-        scene.views[0],
-    )
-    square = rng.random((_GEMM, _GEMM), dtype=np.float32)
+    """Every patch of a frame labelled against sgemm."""
+    dictionary, view = scene.map("paper").alphabet, scene.views[0]
+    square = stream(scene.seed, "samples").random((_GEMM, _GEMM), dtype=np.float32)
     # 1.303e9 multiplications and additions for 20 textons of 6x6x3.
     positions = np.prod(position_grid(view.shape, dictionary.patch))
     share = 2.0 * positions * dictionary.textons.size / (2.0 * _GEMM**3)
@@ -110,37 +103,12 @@ def histogram(scene: Scene) -> Contests:
     for threads, limit in ((1, 1 / 1.15), (2, 1 / 0.9)):
         sgemm = "sgemm's rate", lambda: square @ square
         yield Contest("full histogram", _SIZE, full, *sgemm, limit, threads, float(share))
-    sampled = partial(sampled_histogram, view, dictionary, 400, rng=rng)
-    yield Contest("sampled histogram", 400, sampled, "full histogram", full)
-
-
-def neighbors(scene: Scene) -> Contests:
-    """The nearest of N histograms against SciPy's k-d tree."""
-    from scipy.spatial import cKDTree
-
-    from trexton.localization.neighbors import NearestHistograms
-
-    rng = stream(scene.seed, "stored")
-    for count, limit in ((800, 1.2), (10_000, None), (100_000, None)):  # the latter by a tree too
-        stored, queries = (
-            _crowd(scene.map("paper").histograms, number, rng) for number in (count, 200)
-        )
-        ours = _each(NearestHistograms(stored, np.zeros((count, 2)), 5).query, queries)
-        theirs = _each(partial(cKDTree(stored).query, k=5), queries)
-        yield Contest("neighbours", count, ours, "SciPy cKDTree", theirs, limit)
 
 
 def _each(call: Callable[..., object], items: Iterable[Any]) -> Callable[[], object]:
     """A call of the next item, round and round."""
     turn = cycle(items)
     return lambda: call(next(turn))
-
-
-def _crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """``(count, K)`` histograms of 2000 patches each, between neighbours of a sequence."""
-    rows, share = rng.integers(len(histograms) - 1, size=count), rng.random((count, 1))
-    mixed = histograms[rows] * (1 - share) + histograms[rows + 1] * share
-    return rng.multinomial(2000, mixed / mixed.sum(axis=1, keepdims=True)) / 2000
 
 
 def filter_step(scene: Scene) -> Contests:
@@ -234,7 +202,6 @@ def _python(scene: Scene, program: str) -> None:
 STAGES: dict[str, Callable[[Scene], Contests]] = {
     "train": train,
     "histogram": histogram,
-    "neighbors": neighbors,
     "filter": filter_step,
     "frame": frame,
     "start": start,
@@ -244,25 +211,59 @@ STAGES: dict[str, Callable[[Scene], Contests]] = {
 def measure(
     stages: Iterable[str] | None = None, *, quick: bool = False, seed: int = 1
 ) -> Iterator[Row]:
-    """Measure stages one after another; all of them take some minutes.
+    """Measure stages one after another: keys of `STAGES`, or all of them, which takes some minutes.
 
-    Parameters
-    ----------
-    stages : iterable of str or None
-        Keys of `STAGES`; None is all.
-    quick : bool
-        Fewer repeats and frames: about a minute.
-    seed : int
-        Of the flight and the maps.
-
-    Raises `ParameterError` where a stage is unknown.
+    `quick` is fewer repeats and frames: about a minute. Raises `ParameterError` where a stage is
+    unknown.
     """
     stages = list(STAGES) if stages is None else list(stages)
     for name in stages:
         if name not in STAGES:
             raise ParameterError(f"stage {name!r} is unknown: the stages are {', '.join(STAGES)}")
     with tempfile.TemporaryDirectory() as folder:
-        scene = Scene(Path(folder), quick, seed)
+        scene = Scene(Path(folder), 200 if quick else 800, seed)
         for name in stages:
             say(f"bench: {name}")
             yield from (contest.row(quick) for contest in STAGES[name](scene))
+
+
+def measure_board(frames: int = 600, method: str = "field", seed: int = 1) -> dict[str, Any]:
+    """How fast this computer flies: a line for the table of boards.
+
+    The onboard script, as a program of its own, flies `frames` of 640x480 pixels from files:
+    reading a camera comes on top. Median and 99th percentile of the latency in milliseconds, memory
+    in MiB, seconds from the start of the program to its first position with the kernels compiled.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        scene = Scene(Path(folder), frames, seed)
+        words = ["onboard", str(save_map(scene.train(method), Path(folder) / "map.npz"))]
+        words += ["--camera", f"{folder}/flight", "--output", "json"]
+        _flown([*words, "--frames", "2"])  # a first start compiles
+        first_s, summary = _flown(words)
+    latency = summary["latency_s"]
+    return {
+        "machine": machine(),
+        "version": version("trexton"),
+        "method": method,
+        "frames": summary["frames"],
+        "latency_ms": {"p50": 1e3 * latency["median"], "p99": 1e3 * latency["p99"]},
+        "memory_mib": summary["memory_bytes"] / 2**20,
+        "first_position_s": first_s,
+    }
+
+
+def _flown(words: list[str]) -> tuple[float, dict[str, Any]]:
+    """Seconds to the first position of the script, and its summary."""
+    began = time.monotonic()
+    script = subprocess.Popen(
+        [sys.executable, "-m", "trexton", *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | _ONE_THREAD,
+    )  # fmt: skip
+    assert script.stdout is not None
+    script.stdout.readline()
+    first_s = time.monotonic() - began
+    _, said = script.communicate()
+    if script.returncode:
+        raise subprocess.CalledProcessError(script.returncode, words, stderr=said)
+    summary: dict[str, Any] = json.loads(said.splitlines()[-1].partition(": ")[2])
+    return first_s, summary

@@ -25,14 +25,7 @@ def interleave(
 ) -> list[np.ndarray]:
     """Seconds of each repeat, in turn, so that whatever else the machine does falls on all alike.
 
-    Parameters
-    ----------
-    *calls : callable
-        Each is called twice to warm up.
-    seconds : float
-        For each of them, about.
-    rounds : int
-        At least so many turns, fewer calls in each.
+    Each is called twice to warm up, then for about `seconds` in at least so many `rounds`.
     """
     repeats, taken = [], [list[float]() for _ in calls]
     for call in calls:
@@ -52,31 +45,16 @@ def interleave(
 
 @dataclass(frozen=True)
 class Contest:
-    """One stage beside one yardstick of the same run.
-
-    Attributes
-    ----------
-    stage : str
-    size : object
-    ours : callable
-    yardstick : str
-    theirs : callable
-    limit : float or None
-        What the ratio of ours to theirs must not exceed.
-    threads : int
-    share : float
-        Of the yardstick's time that counts, where it does other work.
-    rounds : int
-    """
+    """One stage beside one yardstick of the same run."""
 
     stage: str
     size: object
     ours: Callable[[], object]
     yardstick: str
     theirs: Callable[[], object]
-    limit: float | None = None
+    limit: float | None = None  # what the ratio of ours to theirs must not exceed
     threads: int = 1
-    share: float = 1.0
+    share: float = 1.0  # of the yardstick's time that counts, where it does other work
     rounds: int = 9
 
     def row(self, quick: bool = False) -> Row:

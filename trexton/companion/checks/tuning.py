@@ -7,9 +7,8 @@ Errors are those of a replay of the training flight by maps that did not see wha
 from __future__ import annotations
 
 import shlex
-from collections import deque
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import cycle
 from time import perf_counter
@@ -24,11 +23,10 @@ from trexton.base.streams import stream
 from trexton.companion.checks.timing import interleave
 from trexton.companion.experiments.evaluation import evenly_spread, frames_of
 from trexton.evaluation.held_out import replay, stretches
-from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.methods import compose, make
-from trexton.localization.training import for_method, train_map, with_choices, with_parts
+from trexton.localization.methods import compose
+from trexton.localization.training import for_method, train_map, with_choices
 
 __all__ = ["Bench", "Tried", "choose", "commands", "flags", "frontier", "replayed_errors", "search"]
 
@@ -73,7 +71,6 @@ def flags(setting: Setting) -> tuple[str, str]:
         [f"--{name} {setting[name]}" for name in names if name in setting]
         for names in (("method", "textons", "cells", "neighbors"), ("samples", "particles"))
     )
-    train += ["--set odometry=visual"] * setting.get("odometry", False)
     return " ".join(train), " ".join(fly)
 
 
@@ -84,6 +81,7 @@ class Tried:
     setting: Setting
     error_m: float
     frame_s: float
+    reason: str = ""  # why it could not be flown
 
     def __str__(self) -> str:
         error = f"{100 * self.error_m:6.1f} cm" if self.error_m < 10 else f"{self.error_m:6.1f} m "
@@ -97,20 +95,11 @@ def replayed_errors(texton_map: TextonMap, **how: Any) -> np.ndarray:
     return np.array([one.error for one in replay(texton_map, **how)])
 
 
-@dataclass(eq=False)
 class Bench:
-    """Tries settings on a training flight; maps of equal histograms are made once.
+    """Tries settings on a training flight; maps of equal histograms are made once."""
 
-    Parameters
-    ----------
-    flight : Flight
-    seed : int
-    """
-
-    flight: Flight
-    seed: int = 1
-
-    def __post_init__(self) -> None:
+    def __init__(self, flight: Flight, seed: int = 1):
+        self.flight, self.seed = flight, seed
         self._maps: dict[tuple[int, int], TextonMap] = {}
 
     def attempt(self, setting: Setting) -> Tried:
@@ -128,19 +117,13 @@ class Bench:
             self._maps[key] = train_map(self.flight, rng=rng, neighbors=1, **chosen)
         roles = {"neighbors": "measurement.neighbors", "particles": "filter.particles"}
         choices = {role: setting[name] for name, role in roles.items() if name in setting}
-        texton_map = with_choices(for_method(self._maps[key], setting["method"]), choices)
-        if not setting.get("odometry"):
-            return texton_map
-        odometry = {"odometry": self._moving.parts["odometry"]}
-        return replace(texton_map, parts=texton_map.parts | odometry)
+        return with_choices(for_method(self._maps[key], setting["method"]), choices)
 
     def _error_m(self, setting: Setting, texton_map: TextonMap) -> float:
         """Mean Euclidean error of the replay, metres: a function of the setting alone."""
-        same = {name: value for name, value in setting.items() if name != "odometry"}
-        rng = stream(self.seed, f"replay {digest(same)[:12]}")  # with and without, equal samples
-        aidings = self._velocities if setting.get("odometry") else None
+        rng = stream(self.seed, f"replay {digest(setting)[:12]}")
         samples = setting.get("samples") or None
-        errors = replayed_errors(texton_map, samples=samples, rng=rng, aidings=aidings)
+        errors = replayed_errors(texton_map, samples=samples, rng=rng)
         return float(np.hypot(*errors.T).mean())
 
     def _frame_s(self, setting: Setting, texton_map: TextonMap) -> float:
@@ -150,21 +133,6 @@ class Bench:
         frames = cycle(self._frames)
         (taken,) = interleave(lambda: localizer.step(next(frames)), seconds=TIMED_S, rounds=1)
         return float(np.median(taken))
-
-    @cached_property
-    def _moving(self) -> TextonMap:
-        """A map with odometry, which is the same whatever the textons."""
-        seeing = self._map(usual("field", self.flight.has_images))
-        return with_parts(seeing, {"odometry": make("odometry", "visual")}, flight=self.flight)
-
-    @cached_property
-    def _velocities(self) -> list[Aiding | None]:
-        """The velocity of each frame, measured by the camera alone."""
-        flight, seeing = self.flight, self._moving
-        running = seeing.parts["odometry"].open(seeing.period_s)
-        return [
-            running.aid(flight.image(row), None, flight.time[row]) for row in range(len(flight))
-        ]
 
     @cached_property
     def _frames(self) -> Sequence[np.ndarray]:
@@ -186,7 +154,7 @@ def search(
     flight : Flight
         The training part.
     methods : sequence of str
-        They take turns.
+        Each has an equal share of the trials and of the time.
     trials : int
         At most; fewer where no single change is any better.
     seconds : float
@@ -205,43 +173,48 @@ def search(
     stream(seed, "search")
     for method in methods:
         compose(method)
-    bench, ends = Bench(flight, seed), perf_counter() + seconds
+    bench, began, tried = Bench(flight, seed), perf_counter(), list[Tried]()
+    for count, method in enumerate(methods, start=1):
+        share = count / len(methods)
+        tried += _one_at_a_time(
+            method, bench, int(trials * share) - len(tried), began + seconds * share
+        )
+    flown = [one for one in tried if one.frame_s < np.inf]
+    if not flown:
+        reason = tried[0].reason if tried else "no time"
+        raise ParameterError(f"no setting could be flown: {reason}")
+    return flown
+
+
+def _one_at_a_time(method: str, bench: Bench, trials: int, ends: float) -> list[Tried]:
+    """Settings of a method that were tried, until no single change is any better."""
     tried: dict[tuple[str, str], Tried] = {}
-    reason = "no time"
-    turns = deque((walk, next(walk)) for walk in (_one_at_a_time(name, bench) for name in methods))
-    while turns and len(tried) < trials and perf_counter() < ends:
-        walk, setting = turns.popleft()
+
+    def attempt(setting: Setting) -> Tried:
         key = flags(setting)
         if key not in tried:
             try:
                 tried[key] = bench.attempt(setting)
             except TrextonError as error:
-                tried[key], reason = Tried(setting, np.inf, np.inf), str(error)
-        try:
-            turns.append((walk, walk.send(tried[key])))
-        except StopIteration:  # no single change is any better
-            continue
-    flown = [one for one in tried.values() if one.frame_s < np.inf]
-    if not flown:
-        raise ParameterError(f"no setting could be flown: {reason}")
-    return flown
+                tried[key] = Tried(setting, np.inf, np.inf, str(error))
+        return tried[key]
 
-
-def _one_at_a_time(method: str, bench: Bench) -> Generator[Setting, Tried, None]:
-    """Settings to try, each sent what came of it, until no single change is any better."""
-    best = yield usual(method, bench.flight.has_images)
-    choices: dict[str, tuple[Any, ...]] = OF_IMAGES if bench.flight.has_images else {}
+    images = bench.flight.has_images
+    choices: dict[str, tuple[Any, ...]] = OF_IMAGES if images else {}
     if method != "field":
         choices = OF_NEIGHBORS | choices
-    elif choices:  # a flight that does not show how it moves is passed over
-        choices = {"odometry": (True, False)} | choices
-    before = None
+    if trials < 1 or perf_counter() >= ends:
+        return []
+    best, before = attempt(usual(method, images)), None
     while best is not before:
         before = best
         for name, values in choices.items():
             for value in values:
-                one = yield best.setting | {name: value}
+                if len(tried) >= trials or perf_counter() >= ends:
+                    return list(tried.values())
+                one = attempt(best.setting | {name: value})
                 best = min(best, one, key=lambda each: each.error_m)
+    return list(tried.values())
 
 
 def frontier(tried: Sequence[Tried]) -> list[Tried]:

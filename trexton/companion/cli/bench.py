@@ -34,13 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.base.files import atomic_file, canonical_json, check_writable
-    from trexton.companion.checks.bench import measure
+    from trexton.companion.checks.bench import measure, measure_board
     from trexton.companion.checks.timing import table
 
     asked = chosen_options(arguments, BenchOptions)
     if asked.board:
-        from trexton.companion.checks.board import measure_board
-
         print(canonical_json(measure_board(200 if asked.quick else 600, seed=asked.seed)))
         return 0
     if asked.json:
