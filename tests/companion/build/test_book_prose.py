@@ -15,9 +15,9 @@ from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.notebook import show_table
 from trexton.companion.build.pages import figure_names, joined
-from trexton.companion.build.paper_map import load_map, map_table
 from trexton.companion.build.prose import context, findings, records_by_name
 from trexton.companion.claims.ledger import load_claims
+from trexton.companion.claims.page import load_map, map_table
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.registry import flight_title

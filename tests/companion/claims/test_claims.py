@@ -140,12 +140,12 @@ def test_what_is_missing_is_not_testable_and_says_so_in_a_readers_words():
     finding = judge(needy, {})
     assert finding.verdict == UNTESTABLE
     assert finding.reason == (
-        "“Speed against accuracy” was not run on this flight; it needs camera images"
+        "“Speed against accuracy” was not run on this flight; the test needs camera images"
     )
     ran = {"trade_off": Record("trade_off", "f", {}, {"a": {}})}
-    assert judge(needy, ran).reason == "this needs camera images, and the flight came without"
-    seeing = claim("value", ours="mosaic:a.b", printed=1, needs="camera images")
-    assert "nothing of the kind" in judge(seeing, records(a={})).reason  # it had images: it ran
+    assert judge(needy, ran).reason == (
+        "nothing of the kind happened on this flight; the test needs camera images"
+    )
     empty = judge(claim("value", printed=1), records(q=None))
     assert empty.verdict == UNTESTABLE and "nothing of the kind" in empty.reason
     told = judge(claim("untestable", reason="no drone"), records(q=3))

@@ -20,8 +20,8 @@ from trexton.base.cache import shipped
 from trexton.base.errors import DataError
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
-from trexton.companion.build.paper_map import map_table
 from trexton.companion.claims.ledger import load_records
+from trexton.companion.claims.page import map_table
 from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.registry import EXPERIMENTS

@@ -12,7 +12,6 @@ from trexton.base.options import Options, option
 from trexton.base.records import Record, plain
 from trexton.companion.claims import rules
 from trexton.companion.claims.rules import Quantity
-from trexton.companion.experiments.declaration import NEEDS
 from trexton.companion.experiments.printed import look_up, paper_file, published
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.evaluation.metrics import wilson_interval
@@ -217,8 +216,10 @@ def _judge(claim: Claim, records: Records, flight: str) -> Finding:
     verdict, reason = rules.RULES[claim.kind][1](first, *against), ""
     if claim.by_construction and verdict == rules.REPRODUCED:
         verdict, reason = rules.CONSTRUCTED, claim.by_construction
-    elif verdict == rules.BETTER:
-        reason = _times(first.value, claim.threshold)
+    elif verdict == rules.BETTER and first.value * claim.threshold > 0:
+        ratio = max(first.value / claim.threshold, claim.threshold / first.value)
+        share = f"better by {100 * (1 - 1 / ratio):.0f} %"
+        reason = f"{ratio:.0f} times better" if ratio >= 2 else share
     elif verdict == rules.FAILED and claim.at_most_times and second is not None:
         if second.value > first.value:
             reason = f"{second.value / first.value:.0f} times as much, where at most "
@@ -226,28 +227,12 @@ def _judge(claim: Claim, records: Records, flight: str) -> Finding:
     return Finding(flight, verdict, first, second, reason)
 
 
-def _times(ours: float, printed: float) -> str:
-    ratio = max(ours / printed, printed / ours) if ours * printed > 0 else float("inf")
-    if ratio == float("inf"):
-        return ""
-    return f"{ratio:.0f} times better" if ratio >= 2 else f"better by {100 * (1 - 1 / ratio):.0f} %"
-
-
 def _absence(claim: Claim, records: Records) -> str:
     """Why a flight cannot answer, in a reader's words."""
     names = [reference.partition(":")[0] for reference in claim.references]
-    missing = [name for name in names if name not in records]
-    if missing:
-        title = EXPERIMENTS[missing[0]].title
-        needs = claim.needs or " and ".join(
-            NEEDS[key].words for key in EXPERIMENTS[missing[0]].needs
-        )
-        return f"“{title}” was not run on this flight" + (f"; it needs {needs}" if needs else "")
-    # All that its experiments need the flight had, or they had not run.
-    had = {NEEDS[key].words for name in names for key in EXPERIMENTS[name].needs}
-    if claim.needs and claim.needs not in had:
-        return f"this needs {claim.needs}, and the flight came without"
-    return "nothing of the kind happened on this flight"
+    missing = [EXPERIMENTS[name].title for name in names if name not in records]
+    text = f"“{missing[0]}” was not run" if missing else "nothing of the kind happened"
+    return f"{text} on this flight" + (f"; the test needs {claim.needs}" if claim.needs else "")
 
 
 def judge_all(records: dict[str, Records], claims: list[Claim] | None = None) -> Rows:

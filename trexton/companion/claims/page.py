@@ -1,23 +1,38 @@
-"""The ledger as a reader sees it: one table, plain without scripts, with filters where they run.
+"""The ledger as a reader sees it, and the paper item by item, its numbers beside ours.
 
-Offers its tables and its controls as HTML; how they look is in ``ledger.html``.
+Offers tables and controls of the ledger as HTML, plain without scripts (how they look is in
+``ledger.html``), and the map of the paper as Markdown.
 """
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Callable
+from html import escape
 from importlib.resources import files
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import jinja2
 
+from trexton.base.errors import ParameterError
+from trexton.base.records import Record
 from trexton.companion import claims
-from trexton.companion.claims.ledger import Rows, count_verdicts
+from trexton.companion.claims.ledger import (
+    Claim,
+    Finding,
+    Rows,
+    count_verdicts,
+    judge_all,
+    load_claims,
+)
 from trexton.companion.claims.rules import VERDICTS
+from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.wording import number
 from trexton.flights.registry import flight_title
 
-__all__ = ["claims_html", "counts_html", "filters_html"]
+__all__ = ["Item", "claims_html", "counts_html", "filters_html", "load_map", "map_table"]
 
 
 def _read(name: str) -> str:
@@ -52,3 +67,70 @@ def filters_html(rows: Rows) -> str:
     verdicts = [(each, each) for each in VERDICTS]
     flights = list(enumerate(_flights(rows)))
     return _html("filters", len(rows), verdicts, flights, experiments, _read("filters.js"))
+
+
+class Item(NamedTuple):
+    """Something that the paper shows or claims: its name, the page here, ids of its claims."""
+
+    name: str
+    page: str
+    claims: list[str]
+
+
+def load_map(path: Path | None = None) -> list[Item]:
+    """All items, in the order of the paper; raises `ParameterError` unless each claim is in one."""
+    path = path or paper_file("map.toml")
+    items = [Item(**table) for table in tomllib.loads(path.read_text(encoding="utf-8"))["item"]]
+    named = [claim for item in items for claim in item.claims]
+    declared = [claim.id for claim in load_claims(paper_file("claims.toml"))]
+    if sorted(named) != sorted(declared):
+        wrong = sorted({n for n in named + declared if named.count(n) != 1 or n not in declared})
+        raise ParameterError(
+            f"{path}: {', '.join(wrong)}: expected every claim of claims.toml in one item, once"
+        )
+    return items
+
+
+def map_table(records: dict[str, dict[str, Record]], see: Callable[[str, str], str]) -> str:
+    """Every item of the paper, its page here, theirs beside ours, as a Markdown table.
+
+    Parameters
+    ----------
+    records : dict
+        By flight and experiment.
+    see : callable
+        ``see(name, text)``: a link to a page or an experiment, or plain text where there is none.
+    """
+    flights = sorted(records)
+    rows = {claim.id: (claim, findings) for claim, findings in judge_all(records)}
+    lines = [["In the paper", "Here", "It printed", *map(flight_title, flights)]]
+    lines.append(["---"] * len(lines[0]))
+    for item in load_map():
+        own = [rows[name] for name in item.claims]
+        named = len(own) > 1
+        printed = [
+            _valued(claim, number(claim.printed_value), named)
+            for claim, _ in own
+            if claim.printed_value is not None
+        ]
+        page = EXPERIMENTS[item.page].title if item.page in EXPERIMENTS else item.page.capitalize()
+        line = [item.name, see(item.page, page.replace("_", " ")), "; ".join(printed)]
+        for index in range(len(flights)):
+            line.append("<br>".join(_judged(claim, found[index], named) for claim, found in own))
+        lines.append(line)
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _valued(claim: Claim, value: str, named: bool) -> str:
+    """A number with its unit; its name, and its words to be pointed at, where others stand beside
+    it.
+    """
+    words = claim.label or claim.id.replace("-", " ")
+    name = f'<abbr title="{escape(claim.text)}">{escape(words)}</abbr> ' if named else ""
+    return f"{name}{value} {claim.unit}".strip()
+
+
+def _judged(claim: Claim, finding: Finding, named: bool) -> str:
+    badge = f'<span class="verdict {finding.verdict.replace(" ", "-")}">{finding.verdict}</span>'
+    values = [number(each.value) for each in (finding.ours, finding.other) if each]
+    return f"{_valued(claim, ' against '.join(values), named)} {badge}" if values else badge
