@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import sys
 from pathlib import Path
 
@@ -160,28 +159,11 @@ def test_report_makes_its_book_of_the_pages_that_were_asked_for(tmp_path, monkey
     assert f"book of {tmp_path / 'out'}\n" in capsys.readouterr().out
 
 
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
-def test_a_terminal_is_shown_what_runs_and_what_ended(monkeypatch):
-    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
-    with Display(2) as display:
-        display.moved("room/light", 3, 9)
-        assert "room/light 3/9" in terminal.getvalue()
-        display.finished(OUTCOMES[1])
-        display.finished(OUTCOMES[0])
-    assert "ran     room/mocap_training (2.0 s)" in terminal.getvalue()
-    assert "reused" not in terminal.getvalue() and "2/2" in terminal.getvalue()
-
-
-def test_elsewhere_a_line_tells_of_each_and_quiet_of_none(capsys):
-    with Display(2) as display:
-        display.finished(OUTCOMES[1])
-        display.finished(OUTCOMES[0])
+def test_a_line_tells_of_each_that_ran_and_quiet_of_none(capsys):
+    display = Display()
+    display.finished(OUTCOMES[1])
+    display.finished(OUTCOMES[0])
     assert capsys.readouterr().err.strip() == str(OUTCOMES[0])
     set_quiet(True)
-    with Display(1) as display:
-        display.finished(OUTCOMES[0])
+    display.finished(OUTCOMES[0])
     assert capsys.readouterr().err == ""

@@ -68,7 +68,7 @@ def house(tmp_path, flight_folder):
 def without_kernels(monkeypatch):
     """The cells run in this process: seconds faster where a test is about what runs, not how."""
 
-    def direct(job, report):
+    def direct(job):
         cells = [
             cell.source
             for cell in jupytext.reads(job.text, "md:myst").cells

@@ -30,7 +30,6 @@ __all__ = ["Fact", "Step", "build", "files_fact", "labelled"]
 # Counts up whenever results of an older version of this package must not be taken over.
 _VERSION = "2"
 Entries = dict[str, str]
-Report = Callable[[int, int], None]
 
 
 @dataclass
@@ -86,7 +85,7 @@ class Step:
     inputs : dict of str to str
         What is fixed beforehand; the keys are words, in which changes are told.
     work : callable
-        Makes it; is handed a function to tell of its progress, ``report(done, total)``.
+        Makes it.
     leaves, reads : sequence of Fact
         What it leaves (first its own files), and what of other steps it reads.
     alone : bool
@@ -97,7 +96,7 @@ class Step:
 
     name: str
     inputs: Entries
-    work: Callable[[Report], None]
+    work: Callable[[], object]
     leaves: Sequence[Fact]
     reads: Sequence[Fact] = ()
     alone: bool = False
@@ -174,7 +173,7 @@ def build(
         with _entered(room, entrance, jobs if step.alone else 1):
             started = time.monotonic()
             try:
-                step.work(lambda done, total: display.moved(step.name, done, total))
+                step.work()
             except Exception as error:
                 if not stopping.is_set():
                     sentence = _sentence(step.name, error)

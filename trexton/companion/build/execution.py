@@ -11,7 +11,7 @@ import logging
 import os
 import re
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from subprocess import DEVNULL
@@ -87,15 +87,15 @@ def stop_all() -> None:
             process.kill()
 
 
-def execute(job: Job, report: Callable[[int, int], None] = lambda done, total: None) -> Done:
-    """Run one notebook; ``report(done, total)`` is called before each cell."""
+def execute(job: Job) -> Done:
+    """Run one notebook."""
     with tempfile.TemporaryDirectory(prefix=".work.", dir=job.work) as name:
         out = Path(name).resolve() / "out"
         (out / job.subfolder).mkdir(parents=True)
         for path, content in job.records.items():
             (out / path).parent.mkdir(parents=True, exist_ok=True)
             (out / path).write_bytes(content)
-        notebook, error = _papermill(job, Path(name), str(out), report)
+        notebook, error = _papermill(job, Path(name), str(out))
         text = None if notebook is None else _cleaned(notebook, job.parameters, str(out)).encode()
         if error:
             return Done(error=error.replace(str(out), str(job.parameters["out"])), partial=text)
@@ -110,9 +110,7 @@ def execute(job: Job, report: Callable[[int, int], None] = lambda done, total: N
     return Done(files | {f"{job.name}.ipynb": text or b""})
 
 
-def _papermill(
-    job: Job, folder: Path, out: str, report: Callable[[int, int], None]
-) -> tuple[Any, str | None]:
+def _papermill(job: Job, folder: Path, out: str) -> tuple[Any, str | None]:
     """The notebook as far as it was executed, and a sentence where that failed."""
     import jupytext
     import nbformat
@@ -129,7 +127,7 @@ def _papermill(
         logging.getLogger("papermill").setLevel(logging.ERROR)  # parameters need no default
         papermill.execute_notebook(
             original, executed, parameters={**job.parameters, "out": out}, engine_name="trexton",
-            kernel_name="python3", progress_bar=False, job=job, report=report,
+            kernel_name="python3", progress_bar=False, job=job,
         )  # fmt: skip
     except PapermillExecutionError as fault:
         # Counted as in the source: papermill put a cell of its own in after number `given`.
@@ -148,20 +146,12 @@ def _register_engine() -> None:
     from papermill.engines import Engine, papermill_engines
 
     class KernelEngine(Engine):  # type: ignore[misc]
-        """Papermill's own engine, with an environment, a word before each cell, and an end."""
+        """Papermill's own engine, with an environment and an end."""
 
         @classmethod
         def execute_managed_notebook(
-            cls, nb_man: Any, kernel_name: str, *, job: Job, report: Callable[[int, int], None],
-            **options: Any,
-        ) -> None:  # fmt: skip
-            start = nb_man.cell_start
-
-            def cell_start(cell: Any, cell_index: int | None = None, **others: Any) -> None:
-                report(cell_index or 0, len(nb_man.nb.cells))
-                start(cell, cell_index, **others)
-
-            nb_man.cell_start = cell_start
+            cls, nb_man: Any, kernel_name: str, *, job: Job, **options: Any
+        ) -> None:
             client = PapermillNotebookClient(nb_man, kernel_name=kernel_name)
             manager = client.create_kernel_manager()
             _kernels.add(manager)

@@ -16,7 +16,7 @@ from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import atomic_file, digest
 from trexton.companion.build import engine
 from trexton.companion.build.display import Display, Outcome
-from trexton.companion.build.engine import Fact, Report, Step, files_fact
+from trexton.companion.build.engine import Fact, Step, files_fact
 from trexton.companion.build.execution import Job
 from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out
 from trexton.companion.build.notebooks import (
@@ -87,9 +87,9 @@ def run_experiments(
     costs = {page.name: page.experiment.cost_s for page in on_flights + last}
     with workers(cluster, jobs, len(costs)) as crew, sole_writer(out):
         run = _Run(out, pairs, crew)
-        with Display(len(costs), costs=costs, jobs=crew.jobs) as display:
-            run.build(on_flights, display)
-            run.build(last, display)
+        display = Display(costs, crew.jobs)
+        run.build(on_flights, display)
+        run.build(last, display)
     return [run.outcomes[page.name] for page in on_flights + last]
 
 
@@ -225,10 +225,10 @@ class _Run:
         stale = {name for name, one in self.outcomes.items() if not one.good}
         return [path for path in records if f"{path.parent.name}/{path.stem}" not in stale]
 
-    def _perform(self, page: _Page, records: Sequence[Path], report: Report) -> None:
+    def _perform(self, page: _Page, records: Sequence[Path]) -> None:
         """Run the notebook; its results replace the last ones when they are whole."""
         folder, name = self.out / page.flight, page.notebook.name
-        done = self.crew.run(self._job(page, records), report)
+        done = self.crew.run(self._job(page, records))
         failed = folder / f"{name}.failed.ipynb"
         if done.error:
             if done.partial:

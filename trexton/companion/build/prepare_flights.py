@@ -15,7 +15,7 @@ from trexton.base.errors import DataError, FlightError, TrextonError
 from trexton.base.files import canonical_json
 from trexton.base.progress import say
 from trexton.companion.build.display import Display
-from trexton.companion.build.engine import Entries, Fact, Report, Step, build, labelled
+from trexton.companion.build.engine import Entries, Fact, Step, build, labelled
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.notebooks import inputs_of
 from trexton.flights import read_flight
@@ -36,10 +36,7 @@ def flight_step(path: Path, inputs: Entries, make: Callable[[], object]) -> Step
         except (OSError, ValueError, FlightError):
             return None
 
-    def work(report: Report) -> None:
-        make()
-
-    return Step(path.name, inputs, work, [Fact(f"flight {path.name}", read)])
+    return Step(path.name, inputs, make, [Fact(f"flight {path.name}", read)])
 
 
 def simulation_inputs(**options: object) -> Entries:
@@ -98,10 +95,10 @@ def prepare_flights(folder: Path, quick: bool = False) -> Prepared:
     files = labelled("file", {key: canonical_json(one) for key, one in raw_files(_REAL).items()})
     steps.append(flight_step(real, code | files, fetch_real))
     if quick:
-        real_only = build(steps[-1:], folder / ".engine", 1, lambda: None, Display(0))
+        real_only = build(steps[-1:], folder / ".engine", 1, lambda: None, Display())
         if real_only[_REAL].good:
             steps = steps[-1:]
-    outcomes = build(steps, folder / ".engine", 1, lambda: None, Display(0))
+    outcomes = build(steps, folder / ".engine", 1, lambda: None, Display())
     for name in (step.name for step in steps):
         one = outcomes[name]
         if name in prepared.absent:

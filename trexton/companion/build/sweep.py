@@ -25,7 +25,7 @@ from trexton.base.records import Record
 from trexton.companion.build import engine
 from trexton.companion.build import prepare_flights as flown
 from trexton.companion.build.display import Display
-from trexton.companion.build.engine import Fact, Report, Step, files_fact
+from trexton.companion.build.engine import Fact, Step, files_fact
 from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out, load_pair
 from trexton.companion.build.notebooks import inputs_of
 from trexton.companion.build.plan import sole_writer
@@ -160,8 +160,7 @@ def sweep(
     with workers(cluster, jobs) as crew, sole_writer(out), crew.calls() as call:
         flying, cells = _steps(plan, experiment, chosen, out, call)
         steps = flying + [cell.step for cell in cells]
-        with Display(len(steps), "cells") as display:
-            outcomes = engine.build(steps, out / ".engine", crew.jobs, crew.stop, display)
+        outcomes = engine.build(steps, out / ".engine", crew.jobs, crew.stop, Display())
     failed = {name: one.reasons[0] for name, one in outcomes.items() if not one.good}
     rows = [_row(plan, cell) for cell in cells if cell.step.name not in failed]
     if rows:  # a table is not replaced by nothing
@@ -246,7 +245,7 @@ def _present(path: Path) -> list[Path]:
 
 
 def _measure_here(
-    call: Call, module: str, pair: FlightPair, parameters: Options, path: Path, report: Report
+    call: Call, module: str, pair: FlightPair, parameters: Options, path: Path
 ) -> None:
     paths = [p and str(Path(p).resolve()) for p in (pair.flight, pair.test_flight)]
     text = call(_measure, module, *paths, parameters.as_dict())

@@ -49,10 +49,10 @@ class Workers:
         """The threads of a kernel: a share, or all (None) where it is alone."""
         return None if alone or self.jobs == 1 else max(1, usable_cores() // self.jobs)
 
-    def run(self, job: Job, report: Callable[[int, int], None]) -> Done:
-        """Execute a notebook; on a cluster its cells are counted where it runs."""
+    def run(self, job: Job) -> Done:
+        """Execute a notebook."""
         if self.call is None:
-            return execution.execute(job, report)
+            return execution.execute(job)
         done: Done = self.call(execution.execute, job)
         return done
 
