@@ -53,7 +53,7 @@ check: env  ## format, lint, types, import directions, dead code
 	@$(BIN)/vulture
 
 prose: env  ## length of sentences and pages, numbers, idiom: 1 where the book breaks a bound
-	@$(BIN)/python -m trexton.companion.checks.prose
+	@$(BIN)/python tests/plain_book.py
 
 # Two kernels are Python where they are not compiled: what calls them is run again without.
 coverage: env  ## branch coverage by module, 95 % at least, with the lines and branches that no test reaches

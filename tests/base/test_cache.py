@@ -52,7 +52,7 @@ def test_a_change_in_any_module_that_is_reached_makes_it_anew(tmp_path):
     shutil.copytree(package, tmp_path / "trexton", ignore=shutil.ignore_patterns("__pycache__"))
     environment = {"PYTHONPATH": str(tmp_path), "TREXTON_CACHE": str(tmp_path / "cache")}
     done = subprocess.run(
-        [sys.executable, "-c", EDITS, "trexton.companion.player.page"],
+        [sys.executable, "-c", EDITS, "trexton.companion.player.playback"],
         capture_output=True, text=True, cwd=tmp_path, env=environment,
     )  # fmt: skip
     assert done.stdout.split() and done.stdout.split() == done.stdout.split()[:1], done

@@ -20,8 +20,7 @@ from trexton.base.errors import ParameterError
 from trexton.cli.main import main
 from trexton.companion.experiments import mocap_training
 from trexton.companion.experiments.style import COLORS
-from trexton.companion.player.page import player_html
-from trexton.companion.player.playback import record_replay, replay
+from trexton.companion.player.playback import player_html, record_replay, replay
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map
 from trexton.vision.images import gather_patches

@@ -6,11 +6,11 @@ import re
 import pytest
 from conftest import ROOT
 from jinja2 import UndefinedError
+from plain_book import Prose
 
 from trexton.base.records import Record
 from trexton.companion.build import notebook
 from trexton.companion.build.notebook import Given
-from trexton.companion.checks.prose import Prose
 from trexton.companion.experiments.registry import EXPERIMENTS, LEDGER
 from trexton.companion.wording import apart, beside, fixed, interval, number, percent, times
 from trexton.evaluation.metrics import wilson_interval

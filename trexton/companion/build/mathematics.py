@@ -16,18 +16,9 @@ _IN_OTHER_WORDS = ((r"\arg\max", r"\operatorname{argmax}"), (r"\arg\min", r"\ope
 
 
 def mathml(tex: str, display: str = "inline") -> str:
-    """A ``<math>`` element.
+    """A ``<math>`` element of TeX without its dollars; `display` is ``inline`` or ``block``.
 
-    Parameters
-    ----------
-    tex : str
-        Without its dollars.
-    display : {"inline", "block"}
-
-    Raises
-    ------
-    ValueError
-        Something of it was not understood, and would stand on the page as TeX.
+    Raises `ValueError` where something of it was not understood, and would stand there as TeX.
     """
     for macro, words in _IN_OTHER_WORDS:
         tex = tex.replace(macro, words)

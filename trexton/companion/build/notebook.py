@@ -25,8 +25,7 @@ from trexton.companion.claims.page import claims_html, counts_html, filters_html
 from trexton.companion.experiments.drawing import to_png, to_svg
 from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.companion.player.page import player_html
-from trexton.companion.player.playback import PlayedFlight
+from trexton.companion.player.playback import PlayedFlight, player_html
 from trexton.companion.wording import (
     METRES_FROM,
     Tree,

@@ -152,23 +152,16 @@ def edge_table(edges: Iterable[type[Edge]], flag: str) -> str:
 def render(path: Path, names: Mapping[str, Any]) -> str:
     """The page `path` with its numbers filled in, from the `names` that it may use.
 
-    Raises
-    ------
-    DataError
-        The page names something that is not there, or its template is broken.
+    Raises `DataError` where it names something that is not there, or its template is broken.
     """
     environment = template_environment()
     try:
         return environment.from_string(path.read_text(encoding="utf-8")).render(names)
-    except jinja2.TemplateSyntaxError as error:
+    except (jinja2.TemplateError, KeyError, TypeError, ValueError) as error:
+        line = getattr(error, "lineno", None) or _line(error)
         raise DataError(
-            f"{path}, line {error.lineno}: {error.message}: correct the template"
-        ) from None
-    except (jinja2.UndefinedError, KeyError, TypeError, ValueError) as error:
-        line = _line(error)
-        raise DataError(
-            f"{path}, line {line}: {error}: name a value that the records have, or guard it with "
-            "{% if %}"
+            f"{path}, line {line}: {error}: name a value that the records have, guard it with "
+            "{% if %}, or correct the template"
         ) from None
 
 

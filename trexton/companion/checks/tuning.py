@@ -103,10 +103,16 @@ class Bench:
         self._maps: dict[tuple[int, int], TextonMap] = {}
 
     def attempt(self, setting: Setting) -> Tried:
-        """Replay the flight with a setting and time its frames; raises `TrextonError` where the
-        flight does not do for it."""
-        flown = self._map(setting)
-        return Tried(setting, self._error_m(setting, flown), self._frame_s(setting, flown))
+        """Replay the flight with a setting, whose mean error is a function of it alone, and time
+        its frames here; raises `TrextonError` where the flight does not do for it.
+        """
+        flown, samples = self._map(setting), setting.get("samples") or None
+        rng = stream(self.seed, f"replay {digest(setting)[:12]}")
+        error_m = np.hypot(*replayed_errors(flown, samples=samples, rng=rng).T).mean()
+        localizer = Localizer(flown, samples=samples, rng=stream(self.seed, "timed frames"))
+        frames = cycle(self._frames)
+        (taken,) = interleave(lambda: localizer.step(next(frames)), seconds=TIMED_S, rounds=1)
+        return Tried(setting, float(error_m), float(np.median(taken)))
 
     def _map(self, setting: Setting) -> TextonMap:
         """The map of the whole flight with this setting."""
@@ -118,21 +124,6 @@ class Bench:
         roles = {"neighbors": "measurement.neighbors", "particles": "filter.particles"}
         choices = {role: setting[name] for name, role in roles.items() if name in setting}
         return with_choices(for_method(self._maps[key], setting["method"]), choices)
-
-    def _error_m(self, setting: Setting, texton_map: TextonMap) -> float:
-        """Mean Euclidean error of the replay, metres: a function of the setting alone."""
-        rng = stream(self.seed, f"replay {digest(setting)[:12]}")
-        samples = setting.get("samples") or None
-        errors = replayed_errors(texton_map, samples=samples, rng=rng)
-        return float(np.hypot(*errors.T).mean())
-
-    def _frame_s(self, setting: Setting, texton_map: TextonMap) -> float:
-        """Median seconds of a frame here."""
-        rng = stream(self.seed, "timed frames")
-        localizer = Localizer(texton_map, samples=setting.get("samples") or None, rng=rng)
-        frames = cycle(self._frames)
-        (taken,) = interleave(lambda: localizer.step(next(frames)), seconds=TIMED_S, rounds=1)
-        return float(np.median(taken))
 
     @cached_property
     def _frames(self) -> Sequence[np.ndarray]:

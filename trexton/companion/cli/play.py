@@ -37,8 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.base.files import atomic_file, check_not_read, check_writable
     from trexton.base.progress import say
     from trexton.base.streams import stream
-    from trexton.companion.player.page import player_html
-    from trexton.companion.player.playback import record_replay
+    from trexton.companion.player.playback import player_html, record_replay
     from trexton.flights import read_flight
     from trexton.localization.localizer import Localizer
     from trexton.localization.map_files import load_map

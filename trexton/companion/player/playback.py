@@ -1,11 +1,18 @@
-"""Fly a recorded flight once more and keep what every step saw, small enough for a page."""
+"""Fly a recorded flight once more, and play what every step saw in one page without other hosts.
+
+Offers `replay` of an experiment, `record_replay` of any localizers, and the page, `player_html`.
+"""
 
 from __future__ import annotations
 
 import base64
+import json
+import re
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from html import escape
+from importlib.resources import files
 from typing import Any
 
 import cv2
@@ -13,6 +20,7 @@ import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.base.streams import stream
+from trexton.companion import player
 from trexton.companion.experiments.declaration import MapParameters
 from trexton.companion.experiments.evaluation import map_of
 from trexton.flights.aiding import Aiding
@@ -23,7 +31,7 @@ from trexton.localization.training import for_method
 from trexton.vision.camera import MapImage
 from trexton.vision.images import bgr_from_yuv, sample_positions
 
-__all__ = ["PlayedFlight", "record_replay", "replay"]
+__all__ = ["PlayedFlight", "player_html", "record_replay", "replay"]
 
 # As the player names them; the first one is shown in detail.
 _METHODS = {"paper": "the paper's filter", "field": "field", "fine": "fine"}
@@ -133,24 +141,24 @@ def record_replay(
         if row % every:
             continue
         truth, frame = flight.position[row], first[1].view(frame, aiding=aiding)
-        neighbors, particles = estimate.neighbors, estimate.particles
+        neighbors, counts = estimate.neighbors, estimate.histogram
         kept.append(
             {
                 "frame": int(flight.frame[row]),
                 "time_s": round(float(flight.time[row] - flight.time[0]), 2),
                 "truth_cm": _cm(truth),
                 "histogram": None
-                if estimate.histogram is None
-                else np.rint(1000 * estimate.histogram).astype(int).tolist(),
+                if counts is None
+                else np.rint(1000 * counts).astype(int).tolist(),
                 "neighbors_cm": None if neighbors is None else _cm(neighbors.position),
-                "particles_cm": None if particles is None else _cm(particles),
+                "particles_cm": _cm(estimate.particles),
                 "spread_cm": _cm(estimate.spread),
                 "estimates_cm": {name: _cm(place) for name, place in estimates.items()},
                 "errors_cm": {name: _error_cm(place - truth) for name, place in estimates.items()},
                 "image": _uri(_small(bgr_from_yuv(frame), _WIDTH)) if flight.has_images else None,
                 # A method that compares images counts no patches.
                 "patches": _patches(first[1], frame, before)
-                if flight.has_images and estimate.histogram is not None
+                if flight.has_images and counts is not None
                 else None,
             }
         )
@@ -172,10 +180,10 @@ def _histograms(flight: Flight) -> np.ndarray:
 
 def _cm(metres: Any) -> Any:
     """Whole centimetres, nested as they were; None where there is no position."""
-    values = np.asarray(metres, dtype=float)
-    if values.ndim:
-        return None if np.isnan(values).all() else [_cm(each) for each in values]
-    return None if np.isnan(values) else round(100 * float(values))
+    values = np.asarray(metres, dtype=float)  # None is NaN
+    if np.isnan(values).all():
+        return None
+    return [_cm(each) for each in values] if values.ndim else round(100 * float(values))
 
 
 def _error_cm(apart: np.ndarray) -> int | float | None:
@@ -222,3 +230,19 @@ def _small(picture: np.ndarray, width: int) -> np.ndarray:
 def _uri(picture: np.ndarray) -> str:
     coded = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1]
     return "data:image/webp;base64," + base64.b64encode(coded.tobytes()).decode()
+
+
+def player_html(recording: PlayedFlight, title: str = "") -> str:
+    """The page that plays `recording`, with its data, its style and its script; `title` in place of
+    the flight's name.
+    """
+    data = json.dumps(asdict(recording), separators=(",", ":")).replace("<", "\\u003c")
+    pieces = {
+        "TITLE": escape(title or recording.flight),
+        "STYLE": (files(player) / "player.css").read_text(encoding="utf-8"),
+        "DATA": data,
+        "SCRIPT": (files(player) / "player.js").read_text(encoding="utf-8"),
+    }
+    page = (files(player) / "player.html").read_text(encoding="utf-8")
+    # In one go: a flight may be called @DATA@.
+    return re.sub(f"@({'|'.join(pieces)})@", lambda place: pieces[place[1]], page)

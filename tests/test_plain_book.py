@@ -6,9 +6,8 @@ import re
 
 import pytest
 from conftest import ROOT
+from plain_book import BOOK, Prose, measure, pages
 from pybtex.database import parse_file
-
-from trexton.companion.checks.prose import BOOK, Prose, measure, pages
 
 PAGES = pages(ROOT)
 
