@@ -8,7 +8,7 @@ from PIL import Image
 
 from trexton.base.errors import TrextonError
 from trexton.base.records import Record
-from trexton.companion.build.readme import renewed
+from trexton.companion.build.prose import renewed_readme as renewed
 
 
 def test_the_table_of_the_readme_has_the_numbers_of_the_records(tmp_path):

@@ -23,8 +23,7 @@ from trexton.companion.build.notebooks import outputs_of
 from trexton.companion.build.plan import run_experiments, sole_writer
 from trexton.companion.build.postprocessing import finish_book
 from trexton.companion.build.prepare_flights import prepare_flights
-from trexton.companion.build.prose import findings, records_by_name
-from trexton.companion.build.readme import renewed
+from trexton.companion.build.prose import findings, records_by_name, renewed_readme
 from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
 
 _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2mathml")
@@ -87,10 +86,10 @@ def make_book(
     found = findings(results, records_by_name(results, outcomes))
     made.findings += [" ".join(filter(None, (each["text"], each["flight"]))) for each in found]
     readme = Path("README.md").read_text(encoding="utf-8")
-    if not quick and not prepared.absent and renewed(readme, results) != readme:
+    if not quick and not prepared.absent and renewed_readme(readme, results) != readme:
         made.said.append(
             "README.md has other numbers than these results: "
-            "python -m trexton.companion.build.readme renews it"
+            "python -m trexton.companion.build.prose renews it"
         )
     return made
 

@@ -1,7 +1,8 @@
 """Prose pages are templates: ``{{ sim.mocap_training.knn.mean_cm.value | fixed }}`` is a number.
 
 None is typed. A name that no record has stops the build with the page and the line; what may be
-absent stands in ``{% if %}``.
+absent stands in ``{% if %}``. The README's table of results is that of the first page:
+``python -m trexton.companion.build.prose`` renews it from ``results``.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from typing import Any
 import jinja2
 
 import trexton
-from trexton.base.cache import shipped
+from trexton.base.cache import repository_root, shipped
 from trexton.base.errors import DataError
+from trexton.base.files import atomic_file
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
 from trexton.companion.claims.ledger import load_records
@@ -36,12 +38,13 @@ from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import SOURCES
 
 __all__ = [
-    "FLIGHTS", "Values", "context", "door", "findings", "public_names", "records_by_name", "render"
+    "FLIGHTS", "context", "findings", "public_names", "records_by_name", "render", "renewed_readme"
 ]  # fmt: skip
 
 See = Callable[[str, str], str]
 Values = Mapping[str, Mapping[str, Any]]  # of the records by flight and experiment
 FLIGHTS = ("cyberzoo", "sim-survey")  # of the book, the real one first
+_TABLE = re.compile(r"(?<=prose -->\n).*?(?=<!-- end of results -->)", re.DOTALL)
 _FINDINGS = ("mocap_training", "triggered_landing", "beyond", "fine", "uncertainty")
 
 
@@ -117,6 +120,17 @@ def door(values: Values) -> str:
     return render(shipped("book") / "door.md", names)
 
 
+def renewed_readme(text: str, results: Path) -> str:
+    """The README's text with the table of these results; raises `DataError` where its marks are
+    not there, once each.
+    """
+    records = load_records(results).get("cyberzoo", {})
+    cyberzoo = Tree({name: record.values for name, record in records.items()})
+    if len(_TABLE.findall(text)) != 1:
+        raise DataError("README.md: the marks around its results are gone: put them back")
+    return _TABLE.sub(lambda _: door({"cyberzoo": cyberzoo}), text)
+
+
 def kept_records() -> Tree:
     """``{experiment: values}`` of the long runs kept with the code, ``timings`` too."""
     kept = [path for path in kept_results() if path.stem in EXPERIMENTS]
@@ -174,3 +188,10 @@ def _line(error: BaseException) -> int | str:
             line = trace.tb_lineno
         trace = trace.tb_next
     return line
+
+
+if __name__ == "__main__":
+    clone = repository_root() or Path(".")
+    readme = renewed_readme((clone / "README.md").read_text(encoding="utf-8"), clone / "results")
+    with atomic_file(clone / "README.md") as stream:
+        stream.write(readme)
