@@ -49,17 +49,16 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
     body = body.replace("url(#", f"url(#{name}-")
     body = re.sub(r"#[0-9a-fA-F]{6}\b(?!-)", _themed, body)
     body = _PICTURE.sub(_lighter, body)
-    for side in ("width", "height"):  # points to the pixels that a browser counts in
-        body = re.sub(
-            rf'(<svg[^>]*?)\s{side}="([\d.]+)pt"',
-            lambda match, side=side: f'{match[1]} {side}="{float(match[2]) * 4 / 3:.0f}"',  # type: ignore[misc]
-            body,
-            count=1,
-        )
+    # Of the whole: points to the pixels that a browser counts in.
+    body = re.sub(r'\b(width|height)="([\d.]+)pt"', _in_pixels, body, count=2)
     box = re.search(r'viewBox="\S+ \S+ ([\d.]+)', body)
     kind = "chart narrow" if box and float(box[1]) <= _NARROW else "chart"
     label = f'<svg class="{kind}" role="img" aria-label="{escape(alt, quote=True)}"'
     return body.replace("<svg", label, 1).replace("\n", " ")
+
+
+def _in_pixels(match: re.Match[str]) -> str:
+    return f'{match[1]}="{float(match[2]) * 4 / 3:.0f}"'
 
 
 def _themed(match: re.Match[str]) -> str:

@@ -185,13 +185,13 @@ def _figure(cell: nbformat.NotebookNode) -> str | None:
 
 def _kind(row: Cells) -> str:
     """``alike`` on all flights; else ``text``, in words, or ``shown``, in pictures or tables."""
-    first = row[0]
-    if len(row) == 1 or all(
-        cell.source == first.source and _said(cell) == _said(first) and not _has_player(cell)
-        for cell in row
-    ):
+    first, said = row[0], [data for cell in row for data in _said(cell)]
+    # A page beside it differs though its address does not.
+    player = any(_PLAYER.search(str(data.get("text/html", ""))) for data in said)
+    same = all(cell.source == first.source and _said(cell) == _said(first) for cell in row)
+    if len(row) == 1 or (same and not player):
         return "alike"
-    return "text" if all(_is_text(data) for cell in row for data in _said(cell)) else "shown"
+    return "text" if all(map(_is_text, said)) else "shown"
 
 
 def _said(cell: nbformat.NotebookNode) -> list[Mapping[str, Any]]:
@@ -199,11 +199,6 @@ def _said(cell: nbformat.NotebookNode) -> list[Mapping[str, Any]]:
         output.get("data", {"text/plain": output.get("text", "")})
         for output in cell.get("outputs", ())
     ]
-
-
-def _has_player(cell: nbformat.NotebookNode) -> bool:
-    """Whether it shows a page beside it, which differs though its address does not."""
-    return any(_PLAYER.search(str(data.get("text/html", ""))) for data in _said(cell))
 
 
 def _is_text(data: Mapping[str, Any]) -> bool:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
 import jinja2
@@ -172,22 +173,13 @@ def render(path: Path, names: Mapping[str, Any]) -> str:
     try:
         return environment.from_string(path.read_text(encoding="utf-8")).render(names)
     except (jinja2.TemplateError, KeyError, TypeError, ValueError) as error:
-        line = getattr(error, "lineno", None) or _line(error)
+        frames = extract_tb(error.__traceback__)
+        lines = [each.lineno for each in frames if each.filename == "<template>"]
+        line = getattr(error, "lineno", None) or (lines or ["?"])[-1]
         raise DataError(
             f"{path}, line {line}: {error}: name a value that the records have, guard it with "
             "{% if %}, or correct the template"
         ) from None
-
-
-def _line(error: BaseException) -> int | str:
-    """The line of the template in which `error` arose."""
-    trace = error.__traceback__
-    line: int | str = "?"
-    while trace is not None:
-        if trace.tb_frame.f_code.co_filename == "<template>":
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    return line
 
 
 if __name__ == "__main__":

@@ -7,8 +7,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from matplotlib.figure import Figure
-
 from trexton import __version__
 from trexton.base.cache import shipped
 from trexton.base.files import atomic_file
@@ -28,51 +26,38 @@ def write_report(record: Record, path: Path, player: str = "", flight: str = "")
     `player` is the address of a page beside it that plays the test flight, `flight` the folder
     that its commands name.
     """
-    with atomic_file(path) as stream:
-        stream.write(_page(record, player, flight))
-    return path
-
-
-def _page(record: Record, player: str, flight: str) -> str:
     figures = [
-        (
-            assessment.over_the_floor(record), "floor",
-            "Where the vehicle was, and where the best method thought it was",
-            "The error to expect at every place, from the training frames alone, and the test "
-            "flight on it.",
-        ),
-        (
-            assessment.error_shares(record), "errors",
-            "Share of frames below each error, a line for each method",
-            "How many frames were off by less than a distance; dashed lines know nothing of the "
-            "place.",
-        ),
+        (assessment.over_the_floor(record), "floor",
+         "The error to expect at every place, from the training frames alone, and the test flight "
+         "on it."),
+        (assessment.error_shares(record), "errors",
+         "How many frames were off by less than a distance; dashed lines know nothing of the "
+         "place."),
     ]  # fmt: skip
+    sections = {
+        "What limits it": advice.what_limits(record),
+        "What to do next": advice.what_next(record, flight),
+    }
     template = (files(build) / "small_report.html").read_text(encoding="utf-8")
-    return (
-        template_environment()
-        .from_string(template)
-        .render(
-            title=f"Will it work here? {record.flight}",
-            style=_style(),
-            finding=as_html(assessment.finding(record)),
-            sections=[
-                (title, list(map(as_html, sentences)))
-                for title, sentences in (
-                    ("What limits it", advice.what_limits(record)),
-                    ("What to do next", advice.what_next(record, flight)),
-                )
-            ],
-            commands=[command for command in advice.commands(record, flight) if command],
-            figures=[
-                (_drawn(figure, name, alt), caption) for figure, name, alt, caption in figures
-            ],
-            player=player,
-            rows=_rows(record),
-            counts=record.values["counts"],
-            version=__version__,
-        )
+    page = template_environment().from_string(template)
+    text = page.render(
+        title=f"Will it work here? {record.flight}",
+        style=_style(),
+        finding=as_html(assessment.finding(record)),
+        sections=[(title, list(map(as_html, said))) for title, said in sections.items()],
+        commands=[command for command in advice.commands(record, flight) if command],
+        figures=[
+            (inline_figure(to_svg(figure).decode(), name, caption), caption)
+            for figure, name, caption in figures
+        ],
+        player=player,
+        rows=_rows(record),
+        counts=record.values["counts"],
+        version=__version__,
     )
+    with atomic_file(path) as stream:
+        stream.write(text)
+    return path
 
 
 def _style() -> str:
@@ -80,10 +65,6 @@ def _style() -> str:
     book = (shipped("book") / "_static" / "book.css").read_text(encoding="utf-8")
     style = (files(build) / "small_report.css").read_text(encoding="utf-8")
     return style.replace("FIGURE_COLOURS", " ".join(re.findall(r"--fig-\w+: #\w+;", book)))
-
-
-def _drawn(figure: Figure, name: str, alternative: str) -> str:
-    return inline_figure(to_svg(figure).decode(), name, alternative)
 
 
 def _rows(record: Record) -> list[list[str]]:

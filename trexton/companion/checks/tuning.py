@@ -9,7 +9,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import cycle
 from time import perf_counter
 from typing import Any
@@ -101,6 +100,7 @@ class Bench:
     def __init__(self, flight: Flight, seed: int = 1):
         self.flight, self.seed = flight, seed
         self._maps: dict[tuple[int, int], TextonMap] = {}
+        self._frames = frames_of(flight.select(evenly_spread(len(flight), 12)))
 
     def attempt(self, setting: Setting) -> Tried:
         """Replay the flight with a setting, whose mean error is a function of it alone, and time
@@ -124,10 +124,6 @@ class Bench:
         roles = {"neighbors": "measurement.neighbors", "particles": "filter.particles"}
         choices = {role: setting[name] for name, role in roles.items() if name in setting}
         return with_choices(for_method(self._maps[key], setting["method"]), choices)
-
-    @cached_property
-    def _frames(self) -> Sequence[np.ndarray]:
-        return frames_of(self.flight.select(evenly_spread(len(self.flight), 12)))
 
 
 def search(

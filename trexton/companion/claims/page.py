@@ -35,14 +35,11 @@ from trexton.flights.registry import flight_title
 __all__ = ["Item", "claims_html", "counts_html", "filters_html", "load_map", "map_table"]
 
 
-def _read(name: str) -> str:
-    return (files(claims) / name).read_text(encoding="utf-8")
-
-
 def _html(macro: str, *values: Any) -> str:
     environment = jinja2.Environment(autoescape=True)
     environment.filters["number"] = number
-    return str(getattr(environment.from_string(_read("ledger.html")).module, macro)(*values))
+    template = environment.from_string((files(claims) / "ledger.html").read_text("utf-8"))
+    return str(getattr(template.module, macro)(*values))
 
 
 def _flights(rows: Rows) -> list[str]:
@@ -66,7 +63,8 @@ def filters_html(rows: Rows) -> str:
     experiments = [(name, one.title) for name, one in EXPERIMENTS.items() if name in tested]
     verdicts = [(each, each) for each in VERDICTS]
     flights = list(enumerate(_flights(rows)))
-    return _html("filters", len(rows), verdicts, flights, experiments, _read("filters.js"))
+    script = (files(claims) / "filters.js").read_text("utf-8")
+    return _html("filters", len(rows), verdicts, flights, experiments, script)
 
 
 class Item(NamedTuple):

@@ -118,15 +118,9 @@ def record_replay(
 
     Raises
     ------
-    ParameterError
-        No localizer, or no frame to keep.
     ImageError, MapError
         The flight does not fit the map.
     """
-    if not localizers or most_frames < 1:
-        raise ParameterError(
-            f"{len(localizers)} localizers and {most_frames} frames: expected at least one of each"
-        )
     first, *others = localizers.items()
     every = -(-len(flight) // most_frames)
     kept = []
