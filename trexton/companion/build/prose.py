@@ -175,7 +175,7 @@ def render(path: Path, names: Mapping[str, Any]) -> str:
     except (jinja2.TemplateError, KeyError, TypeError, ValueError) as error:
         frames = extract_tb(error.__traceback__)
         lines = [each.lineno for each in frames if each.filename == "<template>"]
-        line = getattr(error, "lineno", None) or (lines or ["?"])[-1]
+        line = getattr(error, "lineno", None) or (lines[-1] if lines else "?")
         raise DataError(
             f"{path}, line {line}: {error}: name a value that the records have, guard it with "
             "{% if %}, or correct the template"
