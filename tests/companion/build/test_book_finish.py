@@ -102,7 +102,9 @@ def test_a_page_is_finished(tmp_path, figure):
     assert 'aria-label="Axes."' in text and 'role="region"' in text
     assert '<a href="#axes">the table</a>\nnone' in text
     assert "<figcaption>a curve.</figcaption>" in text and 'aria-label="a curve"' in text
-    assert '<pre tabindex="0">' in text
+    assert '<pre tabindex="0">' in text and "errs by 5\N{NO-BREAK SPACE}cm" in text
+    assert "[0,\N{NO-BREAK SPACE}2]" in text
+    assert "a 5 cm" in text  # what is typed in is copied as it is typed
 
 
 def test_a_table_of_sentences_is_told_apart_from_one_of_numbers(tmp_path):

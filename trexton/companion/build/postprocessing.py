@@ -20,6 +20,7 @@ __all__ = ["finish_book", "finish_page"]
 _UNWANTED = re.compile(r"fontawesome|sphinx-thebe|mathjax|THEBE|MathJax")
 _SENTENCE = 8  # words
 _COLUMNS = 6  # of numbers, that a phone may scroll
+_TOGETHER = re.compile(r"(?<=\d,) (?=-?[\d.,]+\])|(?<=[\d\]]) (?=%|(?:[ckm]?m|[mu]?s|Hz|[kMG]B)\b)")
 # What the theme leaves without: names of buttons, and what a keyboard or a reader must know.
 _ATTRIBUTES = (
     ("button.primary-toggle", {"aria-label": "Contents of the book"}),
@@ -49,6 +50,10 @@ def finish_page(path: Path) -> str:
     if path.stem != "search":
         _figures(article, path)
         _tables(article)
+        # A number and its unit stay on one line, and so does an interval.
+        for text in article.find_all(string=_TOGETHER):
+            if text.find_parent(["pre", "code", "script", "svg", "math"]) is None:
+                text.replace_with(_TOGETHER.sub("\N{NO-BREAK SPACE}", text))
         for link in article.select('a[href^="#"]'):
             if len(str(link["href"])) > 1 and article.find(id=str(link["href"])[1:]) is None:
                 link.unwrap()  # to what a flight does not have
