@@ -68,8 +68,10 @@ def flags(setting: Setting) -> tuple[str, str]:
     """How it is typed after ``trexton train`` and after ``trexton onboard``."""
     train, fly = (
         [f"--{name} {setting[name]}" for name in names if name in setting]
-        for names in (("method", "textons", "cells", "neighbors"), ("samples", "particles"))
+        for names in (("method", "textons", "cells"), ("samples", "particles"))
     )
+    if "neighbors" in setting:
+        train.append(f"--set measurement.neighbors={setting['neighbors']}")
     return " ".join(train), " ".join(fly)
 
 
