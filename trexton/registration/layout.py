@@ -103,14 +103,10 @@ def _means(values: np.ndarray, group: np.ndarray) -> np.ndarray:
 
 def _level_poses(place: np.ndarray, similarity: np.ndarray, focal: float) -> np.ndarray:
     poses = np.zeros((len(place), len(PARAMETERS)))
-    columns = {
-        "x": place.real,
-        "y": place.imag,
-        "z": focal * np.abs(similarity),
-        "yaw": np.angle(similarity),
-    }
-    for name, values in columns.items():
-        poses[:, PARAMETERS.index(name)] = values
+    columns = [PARAMETERS.index(name) for name in ("x", "y", "z", "yaw")]
+    poses[:, columns] = np.column_stack(
+        [place.real, place.imag, focal * np.abs(similarity), np.angle(similarity)]
+    )
     return poses
 
 
