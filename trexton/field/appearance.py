@@ -27,15 +27,12 @@ class Appearance(Part):
 
     def open(self, texton_map: TextonMap, rng: np.random.Generator) -> AppearanceFilter | None:
         """For one flight; None where frames are taken as they are."""
-        raise NotImplementedError
+        return None
 
 
 @dataclass(eq=False)
 class AsSurveyed(Appearance):
     """Frames are taken as they are, as in the paper."""
-
-    def open(self, texton_map: TextonMap, rng: np.random.Generator) -> None:
-        return None
 
 
 @dataclass(eq=False)
