@@ -47,7 +47,7 @@ class Case:
 
 CASES = {
     "simulate": Case(
-        ("simulate", "--out", "out", "--frames", "3", "--floor", "room/floor.png"),
+        ("simulate", "--out", "out", "--frames", "3", "--floor", "room/floor.png", "--replace"),
         (("--seed", "1"), ("--seed", "2")),
     ),
     "train": Case(
@@ -264,8 +264,6 @@ def _digest(path: Path) -> str:
     try:
         if path.suffix == ".ipynb":
             return f"notebook of {len(json.loads(data)['cells'])} cells"
-        if path.name == ".trexton.json":
-            return f"manifest of {len(json.loads(data)['files'])} files"
         if path.suffix == ".json":
             content = json.loads(data)
             content.pop("timings", None)

@@ -103,10 +103,10 @@ def test_atomic_writes_leave_all_or_nothing(tmp_path):
     assert target.read_text() == "old" and list(tmp_path.iterdir()) == [target]
     folder = tmp_path / "folder"
     for content in ("one", "two"):
-        with atomic_folder(folder) as temporary:
+        with atomic_folder(folder, replace=True) as temporary:
             (temporary / "mark").write_text(content)
         assert (folder / "mark").read_text() == content
-    with pytest.raises(RuntimeError), atomic_folder(folder) as temporary:
+    with pytest.raises(RuntimeError), atomic_folder(folder, replace=True) as temporary:
         (temporary / "mark").write_text("three")
         raise RuntimeError
     assert (folder / "mark").read_text() == "two" and len(list(tmp_path.iterdir())) == 2

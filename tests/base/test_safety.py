@@ -60,21 +60,14 @@ def test_a_file_a_foreign_folder_a_link_and_where_one_stands_are_refused(tmp_pat
     check_replaceable(tmp_path / "new", False)
 
 
-def test_only_what_was_written_and_not_changed_is_replaced_unasked(tmp_path):
+def test_a_flight_that_is_there_is_replaced_only_when_asked(tmp_path):
     folder = write_flight(small_flight(), tmp_path / "f")
-    assert write_flight(small_flight(50), folder) == folder, "ours, unchanged"
-    with open(folder / "flight.toml", "a") as stream:
-        stream.write("# mine\n")
-    with pytest.raises(TrextonError, match="flight.toml was changed, and would be lost.*--replace"):
-        write_flight(small_flight(), folder)
-    write_flight(small_flight(), folder, replace=True)
     (folder / "thesis.txt").write_text("mine")
-    with pytest.raises(TrextonError, match="thesis.txt was put there.*--replace"):
-        write_flight(small_flight(), folder)
-    (folder / "thesis.txt").unlink()
-    (folder / ".trexton.json").write_text("[]")
-    with pytest.raises(TrextonError, match="not written there by trexton.*--replace"):
-        write_flight(small_flight(), folder)
+    with pytest.raises(TrextonError, match="is there already: .*--replace"):
+        write_flight(small_flight(50), folder)
+    assert (folder / "thesis.txt").exists()
+    assert write_flight(small_flight(50), folder, replace=True) == folder
+    assert not (folder / "thesis.txt").exists()
 
 
 @pytest.mark.parametrize("words", [["simulate", "--frames", "2"], ["data", "fetch", "cyberzoo"]])

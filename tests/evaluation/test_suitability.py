@@ -30,10 +30,10 @@ def printed_loss(histograms, positions, sigma_x, sigma_y):
     return total / len(histograms) ** 2, local
 
 
-@pytest.mark.parametrize("sigma", [0.8, (0.3, 1.7)])
+@pytest.mark.parametrize("sigma", [0.8, 1.7])
 def test_loss_equals_double_loop(rng, sigma):
     histograms, positions = rng.dirichlet(np.ones(20), 60), rng.uniform(0, 5, (60, 2))
-    total, local = printed_loss(histograms, positions, *np.broadcast_to(sigma, 2))
+    total, local = printed_loss(histograms, positions, sigma, sigma)
     assert global_loss(histograms, positions, sigma) == pytest.approx(total, abs=1e-12)
     np.testing.assert_allclose(local_losses(histograms, positions, sigma), local, atol=1e-12)
 
@@ -96,12 +96,7 @@ def test_heat_map_by_hand():
     # In the upper row both weights shrink alike and their mean stays; its middle cell is sqrt(2) m
     # from both.
     np.testing.assert_allclose(heat, [[left, 2.0, 4 - left], [left, np.nan, 4 - left]])
-    # Unless given, the reach is the larger sigma: the middle is 1 m from both below, sqrt(2) m
-    # above.
     assert np.isnan(heat_map(values, positions, (0, 3, 0, 2), 0.9, cell=1.0)[:, 1]).all()
-    assert np.isnan(
-        heat_map(values, positions, (0, 3, 0, 2), (0.9, 1.1), cell=1.0)[:, 1]
-    ).tolist() == [False, True]
 
 
 def test_heat_map_of_a_field_is_as_coarse_as_it_must():
@@ -128,7 +123,7 @@ def test_zero_histogram_is_named():
         cosine_similarity([[1, np.nan]])
 
 
-@pytest.mark.parametrize("sigma", [0, -1, np.nan, (0.8, 0), np.inf, (1, 2, 3), None])
+@pytest.mark.parametrize("sigma", [0, -1, np.nan, np.inf, None])
 def test_bad_sigma(sigma):
     with pytest.raises(ParameterError, match="sigma"):
         local_losses(np.eye(2), np.zeros((2, 2)), sigma)
@@ -147,20 +142,14 @@ def test_shapes_disagree(histograms, positions):
         local_losses(histograms, positions, 0.8)
 
 
-@pytest.mark.parametrize("cell", [0, -1, np.nan])
-def test_bad_cells(cell):
-    with pytest.raises(ParameterError, match="positive"):
-        heat_map(np.ones(1), np.zeros((1, 2)), (0, 1, 0, 1), 0.8, cell=cell)
-
-
 @pytest.mark.parametrize(
     ("values", "positions", "words"),
     [
         (np.ones(0), np.zeros((0, 2)), "of one sample at least"),
         (np.ones(3), np.zeros((2, 2)), r"values have shape \(3,\), positions \(2, 2\)"),
         (np.ones(2), np.zeros((2, 3)), "positions"),
-        ([1.0, np.nan], np.zeros((2, 2)), "1 of 2 samples .* not finite: leave them out"),
-        (np.ones(2), [[0, 0], [np.nan, 0]], "1 of 2 samples"),
+        ([1.0, np.nan], np.zeros((2, 2)), "expected finite"),
+        (np.ones(2), [[0, 0], [np.nan, 0]], "expected finite"),
     ],
 )
 def test_samples_that_nothing_can_be_drawn_from(values, positions, words):
@@ -169,11 +158,3 @@ def test_samples_that_nothing_can_be_drawn_from(values, positions, words):
         heat_map(values, positions, (0, 1, 0, 1), 0.8)
     with pytest.raises(ParameterError, match=words):
         smooth(values, positions, np.zeros((1, 2)), 0.8)
-
-
-@pytest.mark.parametrize("area", [(0, 1, 0), (1, 0, 0, 1), (0, np.nan, 0, 1)])
-def test_areas_and_places_have_their_shape(area):
-    with pytest.raises(ParameterError, match="area"):
-        heat_map(np.ones(1), np.zeros((1, 2)), area, 0.8)
-    with pytest.raises(ParameterError, match="places"):
-        smooth(np.ones(1), np.zeros((1, 2)), np.zeros(2), 0.8)

@@ -142,7 +142,7 @@ def test_a_flight_that_breaks_off_leaves_the_old_one(tmp_path, floor, monkeypatc
     before = contents(tmp_path / "flight")
     monkeypatch.setattr(Simulator, "capture", lambda self: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        record_flight(tmp_path / "flight", frames=2, floor=floor, camera=SMALL)
+        record_flight(tmp_path / "flight", frames=2, floor=floor, camera=SMALL, replace=True)
     assert contents(tmp_path / "flight") == before
     assert [path.name for path in tmp_path.iterdir()] == ["flight"]
 

@@ -22,11 +22,10 @@ from trexton.base.errors import FlightError, ParameterError, TrextonError
 __all__ = [
     "atomic_file", "atomic_folder", "canonical_json", "check_not_read", "check_replaceable",
     "check_writable", "clean_leftovers", "digest", "naming", "put_in_place",
-    "read_bytes", "read_text", "replace_folder", "scratch_folder", "work_folder",
+    "read_bytes", "read_text", "scratch_folder", "work_folder",
 ]  # fmt: skip
 
 LARGEST = 2**30  # bytes of a text: more is a mistake, or meant to fill the memory
-MANIFEST = ".trexton.json"  # in a folder of ours: what was written into it
 
 
 @contextmanager
@@ -56,8 +55,8 @@ def atomic_file(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[An
 def atomic_folder(path: str | os.PathLike[str], replace: bool = False) -> Iterator[Path]:
     """Yield a temporary folder beside `path`; it replaces `path` if the block succeeds.
 
-    It vanishes otherwise. Only a folder that was written like this and holds nothing else is
-    replaced, or any if `replace`; see `check_replaceable`.
+    It vanishes otherwise. A folder that holds anything is replaced only if `replace`; see
+    `check_replaceable`.
     """
     path = Path(path)
     clean_leftovers(path)
@@ -66,7 +65,7 @@ def atomic_folder(path: str | os.PathLike[str], replace: bool = False) -> Iterat
         folder = temporary / "new"
         folder.mkdir()
         yield folder
-        replace_folder(folder, path)
+        put_in_place(folder, path)
 
 
 @contextmanager
@@ -132,7 +131,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         raise ParameterError(f"{path}: cannot be written, {above} {found}: give another name")
 
 
-def check_replaceable(path: Path, replace: bool, ours: bool = True) -> None:
+def check_replaceable(path: Path, replace: bool) -> None:
     """Refuse to write a folder over something of a person's.
 
     Parameters
@@ -140,63 +139,20 @@ def check_replaceable(path: Path, replace: bool, ours: bool = True) -> None:
     path : Path
     replace : bool
         A person said that the folder may go.
-    ours : bool
-        It may also go if it is one of ours: what its manifest lists, unchanged, and nothing else.
 
     Raises
     ------
     TrextonError
-        `path` is the folder one stands in, a link, a file, or a folder that may not go.
+        `path` is the folder one stands in, a link, a file, or a folder that holds something.
     """
     if path.resolve() in (Path.cwd(), *Path.cwd().parents):
         raise TrextonError(f"{path}: cannot replace the folder you stand in: name a new folder")
     if path.is_symlink():
         raise TrextonError(f"{path}: is a link: name the folder itself, or a new one")
-    if not path.exists():
-        return
-    if not path.is_dir():
+    if path.exists() and not path.is_dir():
         raise TrextonError(f"{path}: is a file, not a folder: name a new folder, or remove it")
-    if replace or not any(path.iterdir()):
-        return
-    if foreign := _foreign(path):
-        raise TrextonError(
-            f"{path}: {foreign}, and would be lost: name a new folder, or say --replace"
-        )
-    if not ours:
+    if path.exists() and not replace and any(path.iterdir()):
         raise TrextonError(f"{path}: is there already: name a new folder, or say --replace")
-
-
-def _foreign(folder: Path) -> str | None:
-    """What is in a folder that is not as it was written there; None if it is ours entirely."""
-    try:
-        written = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return "holds files that were not written there by trexton"
-    for name, state in _contents(folder).items():
-        if name not in written:
-            return f"{name} was put there"
-        if written[name] != state:
-            return f"{name} was changed"
-    return None
-
-
-def _contents(folder: Path) -> dict[str, list[Any]]:
-    """Size of every file below a folder, and the digest of those right in it, which people edit."""
-    contents: dict[str, list[Any]] = {}
-    for path in sorted(folder.rglob("*")):
-        if path.is_dir() and not path.is_symlink() or path == folder / MANIFEST:
-            continue
-        edited = path.parent == folder and path.is_file()
-        state = [path.lstat().st_size, digest(path) if edited else ""]
-        contents[path.relative_to(folder).as_posix()] = state
-    return contents
-
-
-def replace_folder(new: Path, path: Path) -> None:
-    """Put the folder `new` in the place of `path`, with a manifest of what is in it."""
-    manifest = {"written_by": "trexton", "files": _contents(new)}
-    (new / MANIFEST).write_text(canonical_json(manifest), encoding="utf-8")
-    put_in_place(new, path)
 
 
 def put_in_place(new: Path, path: Path) -> None:

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="take the raw files from this folder, download nothing",
     )
     get.add_argument("--out", metavar="DIR", help="where to put it (default: data/flights/NAME)")
-    get.add_argument("--replace", action="store_true", help="replace what is there, whatever it is")
+    get.add_argument("--replace", action="store_true", help="replace what is there")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -37,9 +37,7 @@ class SimulateOptions(Options):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", required=True, metavar="FLIGHT", help="folder to write")
-    parser.add_argument(
-        "--replace", action="store_true", help="replace the folder that is there, whatever it is"
-    )
+    parser.add_argument("--replace", action="store_true", help="replace the folder that is there")
     add_options(parser, SimulateOptions)
     effects = ", ".join(f"{name}={getattr(Effects(), name):g}" for name in Effects.names())
     words = f"strength of an effect; the defaults are {effects}"

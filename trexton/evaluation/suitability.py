@@ -5,8 +5,8 @@ Histograms taken close together should be alike, and less so with distance. The 
 bump around every position; the loss is what the actual similarity exceeds it by, negative where it
 falls short.
 
-Throughout, `histograms` is ``(N, K)``, `positions` is ``(N, 2)`` in metres, `sigma` is in metres:
-one number, or one for each axis.
+Throughout, `histograms` is ``(N, K)``, `positions` is ``(N, 2)`` in metres, `sigma` is in metres
+and raises `ParameterError` unless it is positive.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from trexton.base.errors import MapError, ParameterError
+from trexton.base.options import number
 
 __all__ = [
     "cosine_similarity", "global_loss", "heat_map", "ideal_similarity", "local_losses", "smooth",
@@ -23,7 +24,6 @@ __all__ = [
 
 _FINEST, _CELLS = 0.05, 200  # side of a cell in metres, cells along a side
 _ROWS = 512  # rows of an (N, N) matrix that are held at once
-Sigma = float | tuple[float, float]
 
 
 def cosine_similarity(histograms: np.ndarray) -> np.ndarray:
@@ -38,21 +38,15 @@ def cosine_similarity(histograms: np.ndarray) -> np.ndarray:
     return np.einsum("ik,jk->ij", units, units)
 
 
-def ideal_similarity(positions: np.ndarray, others: np.ndarray, sigma: Sigma) -> np.ndarray:
-    """``(N, M)``: d_e, the product of one unnormalised Gaussian an axis, 1 at no distance.
-
-    Raises
-    ------
-    ParameterError
-        `sigma` is not positive.
-    """
-    scale = _scale(sigma)
-    x, y = np.asarray(positions).T / scale[:, None]
-    others_x, others_y = np.asarray(others).T / scale[:, None]
+def ideal_similarity(positions: np.ndarray, others: np.ndarray, sigma: float) -> np.ndarray:
+    """``(N, M)``: d_e, the product of one unnormalised Gaussian an axis, 1 at no distance."""
+    sigma = number(sigma, "sigma in metres", above=0)
+    x, y = np.asarray(positions).T / sigma
+    others_x, others_y = np.asarray(others).T / sigma
     return np.exp(-(np.square(x[:, None] - others_x) + np.square(y[:, None] - others_y)) / 2)
 
 
-def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) -> np.ndarray:
+def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: float) -> np.ndarray:
     """``(N,)``: the loss of each sample, (1/N) sum_j CS(h_i, h_j) - d_e(pos_i, pos_j).
 
     The similarities of a sample add up to one product with the sum of all unit histograms.
@@ -61,8 +55,6 @@ def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) ->
     ------
     MapError
         A histogram is all zero or not finite, or shapes disagree.
-    ParameterError
-        `sigma` is not positive.
     """
     units, positions = _units(histograms), np.asarray(positions, dtype=float)
     if positions.shape != (len(units), 2) or not np.isfinite(positions).all():
@@ -76,25 +68,29 @@ def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) ->
     return (alike - np.concatenate(ideal)) / len(units)
 
 
-def global_loss(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) -> float:
+def global_loss(histograms: np.ndarray, positions: np.ndarray, sigma: float) -> float:
     """L(D), the mean of the local losses: lower is better; raises as `local_losses` does."""
     return float(local_losses(histograms, positions, sigma).mean())
 
 
 def smooth(
-    values: np.ndarray, positions: np.ndarray, places: np.ndarray, sigma: Sigma
+    values: np.ndarray, positions: np.ndarray, places: np.ndarray, sigma: float
 ) -> np.ndarray:
     """``(M,)``: Gaussian-weighted mean of the samples' `values` around `places` ``(M, 2)``.
 
     Raises
     ------
     ParameterError
-        `sigma` is not positive; a shape is another; a value or position is not finite.
+        A shape is another, or a value or position is not finite.
     """
-    values, positions = _samples(values, positions)
-    places = np.asarray(places, dtype=float)
-    if places.ndim != 2 or places.shape[1] != 2:
-        raise ParameterError(f"places have shape {places.shape}: expected (M, 2) metres")
+    values, positions = np.asarray(values, dtype=float), np.asarray(positions, dtype=float)
+    fit = values.ndim == 1 and len(values) and positions.shape == (len(values), 2)
+    # One sample that is unknown would make all around it unknown.
+    if not (fit and np.isfinite(np.column_stack([values, positions])).all()):
+        raise ParameterError(
+            f"values have shape {values.shape}, positions {positions.shape}: expected finite (N,) "
+            "and (N, 2), of one sample at least"
+        )
     smoothed = []
     for block in np.array_split(places, len(places) // _ROWS + 1):
         weights = ideal_similarity(block, positions, sigma)
@@ -112,7 +108,7 @@ def heat_map(
     values: np.ndarray,
     positions: np.ndarray,
     area: tuple[float, float, float, float],
-    sigma: Sigma,
+    sigma: float,
     *,
     cell: float | None = None,
 ) -> np.ndarray:
@@ -125,7 +121,7 @@ def heat_map(
     values : (N,) array
     positions : (N, 2) array
     area : (x_min, x_max, y_min, y_max)
-    sigma : float or pair of float
+    sigma : float
     cell : float, optional
         Side of a cell in metres, or a little less, so that whole cells fill the area; 5 cm, and
         over fields as much as leaves 200 cells along the longer side.
@@ -133,58 +129,25 @@ def heat_map(
     Returns
     -------
     (rows, columns) array
-        Row 0 lies at the smallest y; NaN farther than `sigma`, the larger, from every sample.
+        Row 0 lies at the smallest y; NaN farther than `sigma` from every sample.
 
     Raises
     ------
     ParameterError
-        `sigma` or `cell` is not positive; `area` is none; a shape is another; a value or
-        position is not finite.
+        A shape is another, or a value or position is not finite.
     """
-    if np.shape(area) != (4,) or not (area[0] <= area[1] and area[2] <= area[3]):
-        raise ParameterError(
-            f"area is {area}: expected x_min, x_max, y_min, y_max, the smaller of each first"
-        )
     if cell is None:
         cell = max(_FINEST, (area[1] - area[0]) / _CELLS, (area[3] - area[2]) / _CELLS)
-    if not cell > 0:
-        raise ParameterError(f"cell is {cell}: expected a positive length in metres")
     x, y = _centers(*area[:2], cell), _centers(*area[2:], cell)
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     heat = smooth(values, positions, places, sigma)
-    heat[cKDTree(positions).query(places)[0] > _scale(sigma).max()] = np.nan
+    heat[cKDTree(positions).query(places)[0] > sigma] = np.nan
     return heat.reshape(len(y), len(x))
 
 
 def _centers(start: float, end: float, cell: float) -> np.ndarray:
     count = max(1, int(np.ceil((end - start) / cell - 1e-9)))
     return start + (np.arange(count) + 0.5) * (end - start) / count
-
-
-def _samples(values: np.ndarray, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values and where they were taken: one that is unknown would make all around it unknown."""
-    values, positions = np.asarray(values, dtype=float), np.asarray(positions, dtype=float)
-    if values.ndim != 1 or not len(values) or positions.shape != (len(values), 2):
-        raise ParameterError(
-            f"values have shape {values.shape}, positions {positions.shape}: expected (N,) and "
-            "(N, 2), of one sample at least"
-        )
-    if bad := int(np.sum(~np.isfinite(np.column_stack([values, positions])).all(axis=1))):
-        raise ParameterError(
-            f"{bad} of {len(values)} samples have a value or a position that is not finite: leave "
-            "them out"
-        )
-    return values, positions
-
-
-def _scale(sigma: Sigma) -> np.ndarray:
-    scale = np.asarray(sigma, dtype=float)
-    scale = np.broadcast_to(scale, 2) if scale.shape in ((), (1,), (2,)) else np.full(2, np.nan)
-    if not (np.isfinite(scale).all() and (scale > 0).all()):
-        raise ParameterError(
-            f"sigma is {sigma}: expected a positive length in metres, or one for x and one for y"
-        )
-    return scale
 
 
 def _units(histograms: np.ndarray) -> np.ndarray:

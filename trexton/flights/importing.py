@@ -85,7 +85,7 @@ def import_flight(
     """
     source, out = Path(source), Path(out)
     clean_leftovers(out)
-    check_replaceable(out, replaced, ours=False)
+    check_replaceable(out, replaced)
     plan = _Plan.of(source, kind, settings or {}, out.name)
     recording, flight = plan.recording, plan.flight
     said: list[str] = []

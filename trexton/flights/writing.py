@@ -29,7 +29,7 @@ __all__ = ["write_flight", "write_tables"]
 def write_flight(flight: Flight, path: str | os.PathLike[str], replace: bool = False) -> Path:
     """Write `flight` as a folder, whole or not at all; images and floor are copied as they are.
 
-    A folder in its place must be one of ours and unchanged, unless `replace`.
+    A folder in its place must be empty, unless `replace`.
     """
     path = Path(path)
     with atomic_folder(path, replace) as folder:

@@ -128,7 +128,7 @@ def record_flight(
     Parameters
     ----------
     path : path
-        Folder to write; a recorded flight that is there, and unchanged, is replaced.
+        Folder to write; one that is there must be empty, unless `replace`.
     pattern : {"survey", "waypoints"}
         A survey in lanes for training, or random waypoints an hour later, under another light, for
         test.
