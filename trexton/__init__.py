@@ -52,7 +52,6 @@ _EXPORTS = {
     "Resampling": "trexton.localization.resampling",
     "Estimation": "trexton.localization.estimation",
     "Recovery": "trexton.localization.recovery",
-    "View": "trexton.localization.view",
     "Sink": "trexton.onboard.sinks",
     "Source": "trexton.onboard.sources",
     "Frame": "trexton.onboard.sources",

@@ -72,12 +72,15 @@ def damaged(kind, path):
         path.write_bytes(b"")
     elif kind == "cut":
         path.write_bytes(whole[: len(whole) // 2])
-    else:  # changed
+    elif kind == "changed":
         at = whole.index(np.arange(5.0).tobytes()) + 9
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+    else:  # one of two arrays is missing
+        stored = dict(np.load(path))
+        np.savez(path, a=stored["a"], contents=stored["contents"])
 
 
-@pytest.mark.parametrize("kind", ["emptied", "cut", "changed"])
+@pytest.mark.parametrize("kind", ["emptied", "cut", "changed", "incomplete"])
 def test_a_damaged_cache_is_made_again_and_said(kind, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
     calls = []

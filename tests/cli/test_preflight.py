@@ -137,18 +137,6 @@ def test_a_camera_that_is_late_is_told(place, tmp_path, late, given, words):
     assert found["delay"].holds == (late == given) and words in found["delay"].words
 
 
-@pytest.mark.parametrize("aiding", ["tilt", "none"])
-def test_frames_are_compared_in_the_maps_view(place, tmp_path, aiding):
-    flight = read_flight(place[1])
-    texton_map = train_map(flight, rng=np.random.default_rng(1), view="nadir")
-    settings = Settings(
-        str(save_map(texton_map, tmp_path / "nadir.npz")), (), (),
-        {Flying: Flying(camera=place[1], aiding=aiding)},
-    )  # fmt: skip
-    found = {check.name: check for check in preflight(settings, 1.0)}
-    assert ("nearest histogram at 0.000" in found["map"].words) == (aiding == "tilt")
-
-
 class Later:
     """A clock that can be set ahead."""
 

@@ -19,7 +19,6 @@ from trexton.flights.frames import ImageFiles
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import for_method, train_map
 from trexton.localization.training_set import Training
-from trexton.vision.camera import Camera
 from trexton.vision.textons import TextonDictionary
 
 RIGHT, DOWN = np.array([0.55, 0.2]), np.array([0.15, -0.45])  # of a camera that is turned
@@ -158,21 +157,6 @@ def test_a_map_for_another_method_is_counted_anew_if_its_flight_is_given(tmp_pat
     np.testing.assert_array_equal(back.histograms, base.histograms)
     with pytest.raises(MapError, match="has 3 frames, the map 160: give the frames"):
         for_method(base, "field", flight=flight.select(slice(0, 3)), rng=rng)
-
-
-def test_whole_images_are_counted_in_the_view_that_was_asked_for(tmp_path, rng):
-    flight = turned(picture_flight(tmp_path / "held", "held", frames=120, turns=6), tmp_path, rng)
-    tilted = replace(
-        flight, height=np.ones(120), attitude=rng.normal(0, 0.05, (120, 3)),
-        camera=Camera(SHAPE[1], SHAPE[0], 60.0),
-    )  # fmt: skip
-    choices = {"n_textons": 6, "method": "field", "view": "nadir"}
-    found, asked = (
-        train_map(tilted, rng=np.random.default_rng(3), cells=cells, **choices)
-        for cells in (None, 1)
-    )
-    assert found.cells == 1
-    np.testing.assert_allclose(found.histograms, asked.histograms, atol=1e-12)
 
 
 def test_the_papers_method_takes_whole_images_also_on_a_map_of_quarters(tmp_path, rng):

@@ -137,9 +137,9 @@ def test_neighbours_are_no_more_than_frames(texton_map, tmp_path):
 def test_a_map_of_a_method_that_is_gone_says_what_to_do():
     arrays = to_arrays(train_map(histogram_flight("hall", frames=80), rng=np.random.default_rng(0)))
     header = json.loads(arrays["header"].tobytes())
-    header["parts"]["calibration"] = {"name": "replay", "options": {}}
+    header["parts"]["view"] = {"name": "nadir", "options": {}}
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
-    with pytest.raises(MapError, match="gone: train it again with trexton train --method field"):
+    with pytest.raises(MapError, match="gone, train it again with trexton train --method field"):
         from_arrays(arrays)
 
 

@@ -66,9 +66,9 @@ def test_every_part_in_the_table_can_be_made_and_is_called_so(role):
 @pytest.mark.parametrize(
     "choices",
     [
-        {"view": "trexton.localization.distances:Hellinger"},
+        {"motion": "trexton.localization.distances:Hellinger"},
         {"motion": Hellinger()},
-        {"view": "trexton.localization.view:View"},  # a base does nothing
+        {"motion": "trexton.localization.motion:MotionModel"},  # a base does nothing
     ],
 )
 def test_a_part_of_another_role_is_refused(choices):

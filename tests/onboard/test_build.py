@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import small_flight
-from onboard_tools import colourful_flight, room_map
+from onboard_tools import room_map
 
 from trexton.cli.main import main
 from trexton.flights import write_flight
@@ -62,20 +62,6 @@ def test_what_takes_long_at_first_is_done_before_it_is_ready(images, flight, tmp
     ((warmed, dimensions),) = stepped
     assert warmed is not onboard.localizer and warmed.samples == onboard.localizer.samples
     assert dimensions == (3 if images else 1)
-
-
-def test_a_view_that_turns_needs_a_heading(tmp_path, capsys):
-    flight = colourful_flight(tmp_path / "room", frames=30)
-    turned = train_map(
-        flight, n_textons=4, rng=np.random.default_rng(1),
-        **{"view": "nadir", "view.turn": True},
-    )  # fmt: skip
-    path = save_map(turned, tmp_path / "turned.npz")
-    words = ["onboard", str(path), "--camera", str(tmp_path / "room"), "--output", "csv:/dev/null"]
-    assert main(words) == 1
-    assert "add --aiding all" in capsys.readouterr().err
-    for aiding in ("all", "none"):
-        assert main([*words, "--aiding", aiding]) == 0
 
 
 def test_a_predicted_touchdown_needs_a_method_that_knows_its_velocity(flight, capsys):

@@ -23,6 +23,7 @@ from trexton.base.records import software_versions
 __all__ = ["cache_folder", "cached", "code_hashes", "repository_root", "shipped"]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
+CONTENTS = "contents"  # of a file of the cache: its hash
 _ADDRESS = re.compile(r"trexton(\.\w+)+:\w+")
 
 
@@ -122,7 +123,7 @@ def cached(
     try:
         with atomic_file(path, "wb") as stream:
             save: Any = np.savez  # whose stubs take every name for an option
-            save(stream, **arrays)
+            save(stream, **arrays, **{CONTENTS: np.array(_contents(arrays))})
     except OSError as error:  # of a disk that is full or not ours: what was computed is right
         say(f"{path.parent}: nothing is kept there ({error.strerror or error})")
     return arrays
@@ -133,8 +134,15 @@ def _stored(path: Path) -> dict[str, np.ndarray] | None:
     if not path.is_file():
         return None
     try:
-        return read_arrays(path)
+        arrays = read_arrays(path)
+        if str(arrays.pop(CONTENTS)) != _contents(arrays):
+            raise DataError("it holds other arrays than were written")
+        return arrays
     except (DataError, *DAMAGE) as error:
         say(f"{path}: not whole ({str(error) or type(error).__name__}): made again")
         path.unlink(missing_ok=True)
         return None
+
+
+def _contents(arrays: dict[str, np.ndarray]) -> str:
+    return digest(*(each for item in sorted(arrays.items()) for each in item))

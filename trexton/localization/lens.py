@@ -9,14 +9,12 @@ from trexton.base.errors import MapError
 from trexton.flights.flight import Flight
 from trexton.vision.camera import Camera
 
-__all__ = ["believable", "camera_of", "check_lens", "known_or", "learned_lens", "lens_of"]
+__all__ = ["camera_of", "check_lens", "learned_lens", "lens_of"]
 
-STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
-FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
 _LONGEST = 100.0  # widths: a longer focal length is none, and a pixel so far off never found
 
 
-def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.ndarray:
+def learned_lens(flight: Flight, advice: str) -> np.ndarray:
     """``(6,)`` width, height, focal length, principal point in pixels, usual height in metres.
 
     Parameters
@@ -24,19 +22,16 @@ def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.
     flight : Flight
     advice : str
         What to do without them.
-    attitudes : bool
-        Whether attitudes are needed too.
 
     Raises
     ------
     MapError
-        The flight lacks images, heights above the floor, its camera, or attitudes that are needed,
-        or its camera takes pictures of another size.
+        The flight lacks images, heights above the floor or its camera, or that takes pictures of
+        another size.
     """
-    tilted = flight.attitude is not None and np.isfinite(flight.attitude[:, :2]).any()
     has = {
         "images": flight.has_images, "its camera": flight.camera is not None,
-        "the camera's heights": flight.height is not None, "attitudes": tilted or not attitudes,
+        "the camera's heights": flight.height is not None,
     }  # fmt: skip
     lacking = [what for what, present in has.items() if not present]
     if flight.camera is None or flight.height is None or lacking:
@@ -63,20 +58,6 @@ def lens_of(camera: Camera, usual: float) -> np.ndarray:
     """``(6,)``: a camera and its usual height as `learned_lens` gives them."""
     lens = (camera.width, camera.height, camera.focal, *camera.principal_point, usual)
     return np.array(lens, dtype=float)
-
-
-def known_or(value: float | None, usual: float) -> float:
-    """A measured number, or the usual one where it is none or not finite.
-
-    OpenCV does not come back from a homography of NaN.
-    """
-    return usual if value is None or not np.isfinite(value) else value
-
-
-def believable(tilt: np.ndarray, height: float, usual: float) -> bool:
-    """Whether from such a tilt, radians, and height, metres, a camera sees what it usually sees."""
-    steep = np.abs(tilt).max() > STEEPEST
-    return not steep and bool(1 / FARTHEST < height / usual < FARTHEST)
 
 
 def check_lens(lens: np.ndarray, what: str) -> None:

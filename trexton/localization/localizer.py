@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -128,12 +128,6 @@ class Localizer:
             if part is not None:
                 part.reset()
 
-    def view(self, frame: np.ndarray, *, aiding: Aiding | None = None) -> np.ndarray:
-        """A frame in the view in which the map counts; itself where it counts what is given."""
-        if "view" not in self.parts or aiding is None or frame.ndim == 1:
-            return frame
-        return self.parts["view"].frame(frame, aiding)
-
     def observe(self, frame: np.ndarray, *, aiding: Aiding | None = None) -> np.ndarray:
         """``(K,)`` histogram of a frame, which is an ``(H, W, 3) uint8`` image or already a
         histogram.
@@ -144,7 +138,7 @@ class Localizer:
             The frame does not fit the map.
         """
         self._check(frame)
-        return self._histogram(self.view(frame, aiding=aiding), aiding)
+        return self._histogram(frame, aiding)
 
     def step(
         self,
@@ -221,15 +215,14 @@ class Localizer:
         self._check(frame)
         if self._odometry is not None and frame.ndim > 1:
             aiding = self._odometry.aid(frame, aiding, time)
-        seen = cache(partial(self.view, frame, aiding=aiding))
         if self._appearance is not None and frame.ndim > 1:
-            aiding = self._appearance.aid(seen(), aiding)
+            aiding = self._appearance.aid(frame, aiding)
         return Observation(
             None if frame.ndim == 1 else frame,
             aiding=aiding,
             time=time,
             samples=samples,
-            histogram=lambda: self._histogram(seen(), aiding),
+            histogram=lambda: self._histogram(frame, aiding),
             neighbors=self._neighbors,
         )
 
@@ -274,13 +267,11 @@ class Localizer:
             )
 
     def _histogram(self, frame: np.ndarray, aiding: Aiding | None) -> np.ndarray:
-        """Of a frame in the view of the map."""
         dictionary, cells = self.map.dictionary, self.map.cells
         if dictionary is None or frame.ndim == 1:
             return frame
         if self._appearance is not None:
-            yaw = None if aiding is None or "view" in self.parts else aiding.yaw
-            self._appearance.update(frame, yaw)
+            self._appearance.update(frame, None if aiding is None else aiding.yaw)
             frame = self._appearance.corrected(frame)
         if self.samples is None:
             histogram = texton_histogram(frame, dictionary, cells=cells)

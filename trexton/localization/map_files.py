@@ -107,10 +107,10 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
             "stamps: train it again with trexton train"
         )
     header = json.loads(arrays["header"].tobytes())
-    if {"calibration", "integrity"} & header["parts"].keys():
+    if gone := {"calibration", "integrity", "view"} & header["parts"].keys():
         raise MapError(
-            "the map is of method guarded or has parts of it, which was off too far unnoticed and "
-            "is gone: train it again with trexton train --method field"
+            f"the map has a part for {' and '.join(sorted(gone))}, as method guarded or "
+            "view=nadir had: these are gone, train it again with trexton train --method field"
         )
     whole = TextonMap(
         TextonDictionary(arrays["textons"]) if "textons" in arrays else None,

@@ -28,7 +28,6 @@ ROLES: dict[str, dict[str, str]] = {
         "hellinger": "trexton.localization.distances:Hellinger",
         "chi-square": "trexton.localization.distances:ChiSquare",
     },
-    "view": {"nadir": "trexton.localization.view:Nadir"},
     "appearance": {
         "none": "trexton.field.appearance:AsSurveyed",
         "tracked": "trexton.field.appearance:Tracked",
@@ -63,7 +62,7 @@ ROLES: dict[str, dict[str, str]] = {
     },
 }
 # What the localizer and training read of every method; a filter says itself what else it needs.
-ROOTS = ("filter", "view", "appearance")
+ROOTS = ("filter", "appearance")
 # A method names a filter, and a part for each other role that is needed; "role.option" gives an
 # option another value.
 METHODS: dict[str, dict[str, Any]] = {

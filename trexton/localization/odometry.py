@@ -18,7 +18,7 @@ from trexton.base.options import option
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.base import Part, learned
-from trexton.localization.lens import believable, camera_of, check_lens, known_or, learned_lens
+from trexton.localization.lens import camera_of, check_lens, learned_lens
 from trexton.localization.training_set import Training
 from trexton.vision.visual_odometry import VisualOdometry
 
@@ -30,6 +30,8 @@ MAX_INTERVAL_S = 0.5  # between two frames; beyond, they hardly overlap
 TRAINING_FRAMES = 400  # of the training flight, from which the error is learned
 MAX_CORRELATION = 0.95  # of the errors of successive frames
 DEFAULT_SIGMA = 0.2  # m/s, where the training flight has too few frames in a row
+STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
+FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
 
 
 @dataclass(eq=False)
@@ -143,11 +145,17 @@ class RunningVisual:
     def _shift(
         self, frame: np.ndarray, given: Aiding, now: float
     ) -> tuple[np.ndarray, float] | None:
-        height = known_or(given.height, self._height)
-        angles = [known_or(angle, 0.0) for angle in (given.roll, given.pitch, given.yaw)]
-        if not believable(np.array(angles[:2]), height, self._height):
-            height, angles = self._height, [0.0, 0.0, angles[2]]
-        return self._odometry.step(frame, now, height=height, attitude=angles)
+        height = _known_or(given.height, self._height)
+        roll, pitch, yaw = (_known_or(each, 0.0) for each in (given.roll, given.pitch, given.yaw))
+        steep = max(abs(roll), abs(pitch)) > STEEPEST
+        if steep or not 1 / FARTHEST < height / self._height < FARTHEST:
+            height, roll, pitch = self._height, 0.0, 0.0
+        return self._odometry.step(frame, now, height=height, attitude=[roll, pitch, yaw])
+
+
+def _known_or(value: float | None, usual: float) -> float:
+    """A measured number, or the usual one where it is none or not finite."""
+    return usual if value is None or not np.isfinite(value) else value
 
 
 def _deviation(

@@ -19,7 +19,7 @@ from trexton.localization.training import with_parts
 
 __all__ = ["renewed"]
 
-KEPT = ("view", "appearance", "odometry")  # roles that learned of the camera, not of the floor
+KEPT = ("appearance", "odometry")  # roles that learned of the camera, not of the floor
 APART_S = 0.5  # between frames that are compared; nearer ones show nearly the same
 USUAL_SHARE = 0.95  # of frames of one place that differ by less than what contradicts
 GAP_S = 60.0  # by which the later flight follows the map's
@@ -44,9 +44,7 @@ def renewed(
     if not known.any():
         raise MapError(f"flight {flight.name!r} has no frame with a position: it renews nothing")
     later, places = flight.select(known), given[known]
-    view = texton_map.parts.get("view")
-    looked = later if view is None else view.flight(later)
-    histograms = full_histograms(looked, texton_map.dictionary, texton_map.cells)
+    histograms = full_histograms(later, texton_map.dictionary, texton_map.cells)
     if histograms.shape[1] != texton_map.histograms.shape[1]:
         raise MapError(
             f"flight {flight.name!r} has histograms of {histograms.shape[1]} bins, the map of "

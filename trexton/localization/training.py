@@ -94,7 +94,7 @@ def train_map(
             f"flight {flight.name!r} came as histograms: there is no image to cut into "
             f"{cells} x {cells} parts, leave cells at 1"
         )
-    trained, place, looked = flight.select(located), given[located], flight
+    trained, place = flight.select(located), given[located]
     shape = trained.image(0).shape[:2] if flight.has_images else None
     rectified = flight.rectification if flight.has_images else None
     if rectified and shape and rectified.size[::-1] != shape:
@@ -102,11 +102,8 @@ def train_map(
             f"flight {flight.name!r} has images of {shape[1]}x{shape[0]} pixels, its "
             f"[rectification] makes {rectified.size[0]}x{rectified.size[1]}: import it again"
         )
-    if "view" in parts:
-        parts["view"] = view = parts["view"].of(trained)
-        looked = view.flight(flight)
     if flight.has_images:
-        dictionary = dictionary or TextonDictionary.learn(looked, n_textons, patch, rng=rng)
+        dictionary = dictionary or TextonDictionary.learn(flight, n_textons, patch, rng=rng)
     parameters = {
         "method": method, "n_textons": n_textons, "patch": patch, "cells": cells,
         "positions": positions is not None,
@@ -119,7 +116,7 @@ def train_map(
     }  # fmt: skip
     untrained = TextonMap(
         dictionary,
-        full_histograms(looked.select(located), dictionary, cells),
+        full_histograms(trained, dictionary, cells),
         place,
         trained.time,
         flight.area,
@@ -157,15 +154,8 @@ def with_parts(
     Raises
     ------
     ParameterError
-        Another view than the map's: its histograms were not counted in that; or a part that
-        does not fit the others, see `trexton.localization.methods.fitting`.
+        A part does not fit the others, see `trexton.localization.methods.fitting`.
     """
-    own = texton_map.parts.get("view")
-    if texton_map.parts and parts.get("view", own) is not own:
-        raise ParameterError(
-            "the view belongs to the histograms of a map: choose it when training, as in "
-            "trexton train FLIGHT --set view=nadir"
-        )
     result = replace(texton_map, parts=fitting(texton_map.parts | dict(parts), parts))
     training = training_set(result, flight=flight, rng=rng)
     fitted = {role: part.fit(training) for role, part in parts.items()}
@@ -215,7 +205,7 @@ def for_method(
     """
     if method is None or method == texton_map.method:
         return texton_map
-    kept = {role: part for role, part in texton_map.parts.items() if role in ("view", "odometry")}
+    kept = {role: part for role, part in texton_map.parts.items() if role == "odometry"}
     parts, own = compose(method), replace(texton_map, method=method, parts=kept)
     cells = USUAL_CELLS.get(method, 1)
     if flight is None or not flight.has_images:
@@ -255,6 +245,4 @@ def counted(texton_map: TextonMap, flight: Flight, cells: int) -> TextonMap:
             f"flight {flight.name!r} has {len(flight)} frames, the map "
             f"{len(texton_map.positions)}: give the frames that it was trained on"
         )
-    view = texton_map.parts.get("view")
-    looked = flight if view is None else view.flight(flight)
-    return texton_map.with_histograms(full_histograms(looked, texton_map.alphabet, cells), cells)
+    return texton_map.with_histograms(full_histograms(flight, texton_map.alphabet, cells), cells)

@@ -103,12 +103,6 @@ def _localizer(texton_map: TextonMap, settings: Settings, touchdown: bool) -> Lo
         rng=stream(flying.seed, "flight", 0),
         **choices,
     )
-    view = localizer.parts.get("view")
-    if flying.aiding == "tilt" and view is not None and "yaw" in view.asks:
-        raise ParameterError(
-            "the map's view turns frames by their yaw, which --aiding tilt leaves out: add "
-            "--aiding all, or train without view.turn"
-        )
     if touchdown and not localizer.parts["filter"].knows_velocity:
         raise ParameterError(
             f"--trigger touchdown needs a velocity, which method {localizer.map.method!r} does not "

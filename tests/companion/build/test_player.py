@@ -83,14 +83,6 @@ def test_patches_are_those_that_the_step_sampled(tmp_path, rng):
     assert full.frames[0]["patches"] is None
 
 
-def test_a_map_in_another_view_is_played_as_it_flies(tmp_path):
-    train = colourful_flight(tmp_path / "room")
-    texton_map = train_map(train, n_textons=4, cells=2, rng=np.random.default_rng(1), view="nadir")
-    recording = record_replay({"one": localizer(texton_map, samples=None)}, train)
-    told = np.rint(1000 * texton_map.histograms).astype(int).tolist()
-    assert [each["histogram"] for each in recording.frames] == told
-
-
 def test_a_truth_that_is_unknown_stays_unknown(texton_map):
     flight = small_flight()
     flight.position[3] = np.nan

@@ -1,12 +1,12 @@
-"""What the autopilot knows: histograms of frames seen from straight above, and a velocity.
+"""What the autopilot knows: a velocity beside the frames, right or turned by a wrong compass.
 
 A survey and a later flight over one floor, at a height that ripples, are recorded as usual; the
-later one is localized with ever more of what an autopilot measures beside its frames.
+later one is localized by its frames alone, and with the velocity.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -32,27 +32,18 @@ from trexton.simulator import Effects, Floor, record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.textons import MAX_TEXTONS
 
-_TILT = ("roll", "pitch")
-# What comes beside a frame: its label, the view in which histograms are counted, the aiding.
-AIDINGS: dict[str, tuple[str, str | None, tuple[str, ...]]] = {
-    "nothing": ("the frame alone", None, ()),
-    "attitude": ("roll and pitch", "nadir", _TILT),
-    "height": ("height", "nadir", ("height",)),
-    "view": ("roll, pitch and height", "nadir", (*_TILT, "height")),
-    "velocity": ("velocity", None, ("velocity",)),
-    "turned": ("velocity, by a wrong compass", None, ("velocity",)),
-    "all": ("all of it", "nadir", (*_TILT, "height", "velocity")),
+# What comes beside a frame, and its label.
+AIDINGS = {
+    "nothing": "the frame alone",
+    "velocity": "velocity",
+    "turned": "velocity, by a wrong compass",
 }
 # The paper's filter has a motion model that asks for no velocity.
-METHODS = {
-    "paper": tuple(name for name, (_, _, aiding) in AIDINGS.items() if "velocity" not in aiding),
-    "field": tuple(AIDINGS),
-}
+METHODS = {"paper": ("nothing",), "field": tuple(AIDINGS)}
 FIRST_FLOOR = 500  # seed of the first painted floor; no setting was chosen on these
 CELLS = 2  # parts of the image a side
 RIPPLE = 0.1  # standard deviation of the height in metres
-# Noise of the attitude in degrees, of the height and the velocity along each axis in metres.
-ATTITUDE_DEG, HEIGHT_M, VELOCITY_M_S = 0.3, 0.01, 0.05
+VELOCITY_M_S = 0.05  # noise of the velocity along each axis
 COMPASS_DEG = 20.0  # by which a wrong compass turns the velocity
 # By method and aiding the later flight over one floor, and its (N, 2) true positions.
 _Over = tuple[dict[str, dict[str, Track]], np.ndarray]
@@ -69,8 +60,8 @@ class Parameters(FloorParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Localize one flight over each floor of `FloorParameters.over_each` again and again, each time
-    with more of what was measured. Of `test` nothing is used.
+    """Localize one flight over each floor of `FloorParameters.over_each`, without a velocity and
+    with it. Of `test` nothing is used.
     """
     over: list[_Over] = parameters.over_each(train, partial(_over, parameters), FIRST_FLOOR)
     rng = stream(parameters.seed, "intervals")
@@ -117,18 +108,18 @@ def _over(parameters: Parameters, seed: int, floor: Floor, camera: Camera, heigh
         later = record_flight(
             folder / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1, **common
         )
-        maps = _maps(_measured(survey, seed), parameters)
+        maps = _maps(survey, parameters)
         frames = frames_of(later)
-    right, turned = (_aiding(later, seed, np.radians(off)) for off in (0.0, COMPASS_DEG))
+    offs = {"velocity": 0.0, "turned": np.radians(COMPASS_DEG)}
+    aidings = {aid: _aiding(later, seed, off) for aid, off in offs.items()}
+    aidings["nothing"] = [Aiding()] * len(later)
 
     def flown(method: str, aid: str) -> Track:
-        _, view, names = AIDINGS[aid]
         # Each draws the same patches: what differs between them is not chance.
         localizer = Localizer(
-            maps[view, method], samples=parameters.samples, rng=stream(seed, f"aiding {method}")
+            maps[method], samples=parameters.samples, rng=stream(seed, f"aiding {method}")
         )
-        aiding = [each.only(names) for each in (turned if aid == "turned" else right)]
-        return fly(localizer, frames, aiding=aiding)
+        return fly(localizer, frames, aiding=aidings[aid])
 
     compared = {
         method: {aid: flown(method, aid) for aid in asked} for method, asked in METHODS.items()
@@ -136,41 +127,24 @@ def _over(parameters: Parameters, seed: int, floor: Floor, camera: Camera, heigh
     return compared, later.position
 
 
-def _maps(survey: Flight, parameters: Parameters) -> dict[tuple[str | None, str], TextonMap]:
-    """By view and method."""
-    maps = {}
-    for view in dict.fromkeys(view for _, view, _ in AIDINGS.values()):
-        choices: dict[str, Any] = {} if view is None else {"view": view}
-        base = train_map(
-            survey, n_textons=parameters.textons, cells=CELLS,
-            rng=stream(parameters.seed, "training"), **choices,
-        )  # fmt: skip
-        for method in METHODS:
-            rng = stream(parameters.seed, f"map {method}")
-            maps[view, method] = for_method(base, method, rng=rng)
-    return maps
-
-
-def _measured(flight: Flight, seed: int) -> Flight:
-    """The flight with attitude and height as an autopilot measures them."""
-    assert flight.attitude is not None and flight.height is not None
-    rng = stream(seed, "autopilot", 0)
-    attitude = np.radians(ATTITUDE_DEG) * rng.standard_normal(flight.attitude.shape)
-    height = HEIGHT_M * rng.standard_normal(len(flight))
-    return replace(flight, attitude=flight.attitude + attitude, height=flight.height + height)
+def _maps(survey: Flight, parameters: Parameters) -> dict[str, TextonMap]:
+    """By method."""
+    base = train_map(
+        survey, n_textons=parameters.textons, cells=CELLS, rng=stream(parameters.seed, "training")
+    )
+    return {
+        method: for_method(base, method, rng=stream(parameters.seed, f"map {method}"))
+        for method in METHODS
+    }
 
 
 def _aiding(later: Flight, seed: int, off: float) -> list[Aiding]:
-    """All that an autopilot measures beside each frame, its compass `off` by so many radians."""
+    """The velocity that comes beside each frame, its compass `off` by so many radians."""
     noise = stream(seed, "autopilot", 1).standard_normal((len(later), 2))
     velocity = np.gradient(later.position, later.time, axis=0)
     velocity += VELOCITY_M_S * noise
     turn = np.array([[np.cos(off), np.sin(off)], [-np.sin(off), np.cos(off)]])
-    measured = _measured(later, seed + 1)
-    return [
-        replace(measured.aiding(row), velocity=each, velocity_time=float(later.time[row]))
-        for row, each in enumerate(velocity @ turn)
-    ]
+    return [Aiding(velocity=each) for each in velocity @ turn]
 
 
 def finding(record: Record) -> str:
@@ -186,21 +160,19 @@ def finding(record: Record) -> str:
     return (
         f"By the frame alone the mean error of method field is {distance(field['nothing'])}. A "
         f"velocity brings {error('velocity')}, and one that a compass turns by "
-        f"{number(COMPASS_DEG)} degrees {error('turned')}. Attitude and "
-        f"height, by which frames are counted as seen from straight above, bring {error('view')}."
+        f"{number(COMPASS_DEG)} degrees {error('turned')}."
     )
 
 
 def errors(record: Record) -> Figure:
     """Mean error with its interval over what aided it, a colour for each method."""
-    rows = {aid: label for aid, (label, *_) in AIDINGS.items()}
-    return errors_by_row(rows, {name: record.values["error_cm"][name] for name in METHODS})
+    return errors_by_row(AIDINGS, {name: record.values["error_cm"][name] for name in METHODS})
 
 
 def table(record: Record) -> pd.DataFrame:
     """Mean error and gain with their intervals, a row for each aiding."""
     rows = []
-    for aid, (label, *_) in AIDINGS.items():
+    for aid, label in AIDINGS.items():
         row = {"measured beside the frame": label}
         for method in METHODS:
             for what in ("error", "gain"):

@@ -23,9 +23,7 @@ from trexton.base.streams import stream
 from trexton.companion import player
 from trexton.companion.experiments.declaration import MapParameters
 from trexton.companion.experiments.evaluation import map_of
-from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
-from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import for_method
 from trexton.vision.camera import MapImage
@@ -125,16 +123,15 @@ def record_replay(
     every = -(-len(flight) // most_frames)
     kept = []
     for row, frame in enumerate(flight.images() if flight.has_images else _histograms(flight)):
-        aiding = flight.aiding(row)
         before = deepcopy(first[1].rng)
-        estimate = _step(first[1], frame, aiding)
+        estimate = first[1].step(frame)
         estimates = {first[0]: estimate.position}
         if estimate.neighbors is not None:
             estimates["neighbours alone"] = estimate.neighbors.position.mean(axis=0)
-        estimates |= {name: _step(each, frame, aiding).position for name, each in others}
+        estimates |= {name: each.step(frame).position for name, each in others}
         if row % every:
             continue
-        truth, frame = flight.position[row], first[1].view(frame, aiding=aiding)
+        truth = flight.position[row]
         neighbors, counts = estimate.neighbors, estimate.histogram
         kept.append(
             {
@@ -159,11 +156,6 @@ def record_replay(
     return PlayedFlight(
         flight.name, flight.area, kept, None if flight.floor is None else _floor(flight.floor)
     )
-
-
-def _step(localizer: Localizer, frame: np.ndarray, aiding: Aiding) -> Estimate:
-    """By the frame alone, but where the map counts it in a view that asks for attitude."""
-    return localizer.step(frame, aiding=aiding if "view" in localizer.parts else None)
 
 
 def _histograms(flight: Flight) -> np.ndarray:
