@@ -10,6 +10,8 @@ import numpy as np
 
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
+from trexton.localization.measurement import RankMixture
+from trexton.localization.motion import RandomWalk
 from trexton.localization.neighbors import Neighbors
 from trexton.localization.observation import Observation
 
@@ -97,3 +99,13 @@ def observations(positions: np.ndarray) -> list[Observation]:
 
 def _always(neighbors: Neighbors, histogram: np.ndarray) -> Neighbors:
     return neighbors
+
+
+def random_walk(covariance: np.ndarray, period_s: float = 1.0) -> RandomWalk:
+    """The walk of a given ``(2, 2)`` covariance from frame to frame, square metres."""
+    return RandomWalk().with_learned(covariance=covariance, period_s=np.asarray(period_s))
+
+
+def rank_mixture(covariances: np.ndarray) -> RankMixture:
+    """The mixture of given ``(k, 2, 2)`` covariances, best rank first, square metres."""
+    return RankMixture(max(1, len(covariances))).with_learned(covariances=covariances)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from trexton.field.tracks import TrackFilter
-from trexton.localization.distances import Hellinger
+from trexton.localization.neighbors import Hellinger
 from trexton.localization.observation import Observation
 from trexton.localization.training_set import Training
 

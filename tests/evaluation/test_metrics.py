@@ -9,7 +9,6 @@ from trexton.evaluation.metrics import (
     block_rows,
     constant_guess,
     mean_over_groups,
-    mean_with_interval,
     shuffled_neighbors,
     success_rate,
     summarize,
@@ -164,8 +163,6 @@ def test_nothing_has_no_summary(rng):
         summarize([], truth, 5.0, rng=rng)
     with pytest.raises(ParameterError, match="draws is 0"):
         summarize([truth], truth, 5.0, rng=rng, draws=0)
-    with pytest.raises(ParameterError, match=r"shape \(0, 3\)"):
-        mean_with_interval(np.empty((0, 3)), rng)
 
 
 @pytest.mark.parametrize("count", [2, 5, 17, 25])

@@ -9,7 +9,7 @@ import pytest
 from conftest import small_flight
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from small_room import observations
+from small_room import observations, random_walk, rank_mixture
 
 from trexton.companion.experiments.sweeps import TreeSearch
 from trexton.evaluation.metrics import block_rows, bootstrap_interval, summarize, wilson_interval
@@ -18,11 +18,9 @@ from trexton.flights import read_flight, write_flight
 from trexton.localization.estimate import Estimate
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.landing import LandingZone
-from trexton.localization.measurement import RankMixture
 from trexton.localization.methods import ROLES, make
-from trexton.localization.motion import RandomWalk
 from trexton.localization.neighbors import NearestHistograms
-from trexton.localization.resampling import Systematic
+from trexton.localization.particle_parts import Systematic
 
 PROCESS, NOISE = np.diag([0.02, 0.03]), np.diag([0.1, 0.06])
 AREA = (0.0, 4.0, 0.0, 3.0)
@@ -44,7 +42,7 @@ def toy(seed, particles=600, steps=8):
     )
     seen = places[1:] + rng.multivariate_normal([0, 0], NOISE, steps)
     tracker = ParticleFilter(
-        RandomWalk.of(PROCESS), RankMixture.of(NOISE[None]), AREA, particles,
+        random_walk(PROCESS), rank_mixture(NOISE[None]), AREA, particles,
         resampling=Systematic(), rng=rng,
     )  # fmt: skip
     for observation in observations(seen[:, None]):

@@ -280,7 +280,7 @@ def test_the_method_trains_flies_and_is_stored(tmp_path):
 def test_a_method_without_neighbours_takes_no_number_of_them():
     flight = histogram_flight("hall", frames=200)
     texton_map = train_map(flight, method="field", rng=np.random.default_rng(1))
-    with pytest.raises(ParameterError, match="'field' looks at none"):
+    with pytest.raises(ParameterError, match="'field' has no parameter 'neighbors'"):
         Localizer(texton_map, neighbors=3, rng=np.random.default_rng(3))
 
 

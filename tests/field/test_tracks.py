@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from small_room import random_walk
 from small_survey import AREA, errors_of, look, observed, path
 
 from trexton.base.errors import ParameterError
 from trexton.field.tracks import TrackFilter, Tracks
 from trexton.flights.aiding import Aiding
 from trexton.localization.methods import fitting
-from trexton.localization.motion import RandomWalk
 from trexton.localization.observation import Observation
 
 
@@ -135,7 +135,7 @@ def test_the_covariance_covers_the_error(field, motion, later):
 
 
 def test_tracks_refuse_parts_they_cannot_use(field):
-    parts = {"filter": Tracks(), "motion": RandomWalk.of(np.eye(2)), "measurement": field}
+    parts = {"filter": Tracks(), "motion": random_walk(np.eye(2)), "measurement": field}
     with pytest.raises(ParameterError, match="'random-walk' does not fit filter 'tracks'"):
         fitting(parts)
 

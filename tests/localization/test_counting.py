@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from small_room import picture_flight
 
-from trexton.localization import counting
-from trexton.localization.counting import full_histograms
+from trexton.localization import training
+from trexton.localization.training import full_histograms
 from trexton.vision.histograms import texton_counts, texton_histogram
 from trexton.vision.textons import TextonDictionary
 
@@ -26,14 +26,14 @@ def dictionary(flight):
 def counted(monkeypatch, tmp_path):
     """Frames that were counted, one entry each."""
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(counting, "KEPT_FROM", 21)
+    monkeypatch.setattr(training, "KEPT_FROM", 21)
     calls: list[int] = []
 
     def count(image, *words, **options):
         calls.append(1)
         return texton_counts(image, *words, **options)
 
-    monkeypatch.setattr(counting, "texton_counts", count)
+    monkeypatch.setattr(training, "texton_counts", count)
     return calls
 
 

@@ -4,15 +4,21 @@ its parts.
 
 import numpy as np
 import pytest
-from small_room import observations
+from small_room import observations, random_walk, rank_mixture
 
 from trexton.base.errors import ParameterError
-from trexton.localization.estimation import Belief, HighestWeight, MaximumAPosteriori, WeightedMean
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.measurement import RankMixture
 from trexton.localization.methods import ROLES, make
 from trexton.localization.motion import RandomWalk
-from trexton.localization.resampling import Systematic, Wheel
+from trexton.localization.particle_parts import (
+    Belief,
+    HighestWeight,
+    MaximumAPosteriori,
+    Systematic,
+    WeightedMean,
+    Wheel,
+)
 
 RESAMPLERS = list(ROLES["resampling"])
 
@@ -29,8 +35,8 @@ def gaussian(deviation, covariance):
 
 def make_filter(covariances, seed, particles=2000, resampling="systematic", **options):
     return ParticleFilter(
-        RandomWalk.of(PROCESS),
-        RankMixture.of(covariances),
+        random_walk(PROCESS),
+        rank_mixture(covariances),
         AREA,
         particles,
         resampling=make("resampling", resampling),
@@ -119,7 +125,7 @@ def test_the_mixture_equals_the_plain_sum():
         sum(gaussian(z[j] - particle, covariances[j]) for j in range(5)) for particle in particles
     ]
     np.testing.assert_allclose(
-        RankMixture.of(covariances).mixture(particles, z), np.log(plain), rtol=1e-10
+        rank_mixture(covariances).mixture(particles, z), np.log(plain), rtol=1e-10
     )
 
 
@@ -131,7 +137,7 @@ def test_the_predictive_equals_the_plain_double_sum():
         sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, weights, strict=False))
         for x in particles
     ]
-    found = RandomWalk.of(PROCESS).density(particles, previous, weights)
+    found = random_walk(PROCESS).density(particles, previous, weights)
     constant = np.log(2 * np.pi * np.sqrt(np.linalg.det(PROCESS)))
     np.testing.assert_allclose(found - constant, np.log(plain), rtol=1e-9)
 
@@ -147,7 +153,7 @@ def test_the_map_estimate_is_the_best_of_the_plain_scores():
         for i, x in enumerate(particles)
     ]
     belief = Belief(particles, now, np.log(likelihood))
-    walk = RandomWalk.of(PROCESS)
+    walk = random_walk(PROCESS)
     past = Belief(previous, before, np.zeros(25))
     estimate = MaximumAPosteriori().position(belief, past, walk)
     np.testing.assert_array_equal(estimate, particles[np.argmax(score)])
@@ -211,7 +217,7 @@ def test_permuting_particles_changes_nothing():
     particles, previous = rng.uniform(0, 5, (60, 2)), rng.uniform(0, 5, (60, 2))
     covariances = np.stack([MEASUREMENT, 2 * MEASUREMENT])
     z, order = rng.uniform(0, 5, (2, 2)), rng.permutation(60)
-    mixture, motion = RankMixture.of(covariances), RandomWalk.of(PROCESS)
+    mixture, motion = rank_mixture(covariances), random_walk(PROCESS)
     results = []
     for p in (particles, particles[order]):
         log_likelihood = mixture.mixture(p, z)
@@ -260,12 +266,12 @@ def test_equal_seeds_give_equal_bits():
 @pytest.mark.parametrize(
     "build",
     [
-        lambda: RandomWalk.of(np.zeros((2, 2))),
-        lambda: RandomWalk.of(np.full((2, 2), np.nan)),
-        lambda: RandomWalk.of(np.eye(2), 0.0),
+        lambda: random_walk(np.zeros((2, 2))),
+        lambda: random_walk(np.full((2, 2), np.nan)),
+        lambda: random_walk(np.eye(2), 0.0),
         lambda: RandomWalk(sigma=-1.0),
-        lambda: RankMixture.of(np.eye(2)),
-        lambda: RankMixture.of(np.array([[[1.0, 2.0], [2.0, 1.0]]])),
+        lambda: rank_mixture(np.eye(2)),
+        lambda: rank_mixture(np.array([[[1.0, 2.0], [2.0, 1.0]]])),
         lambda: RankMixture(neighbors=0),
         lambda: RankMixture(sigma=0.0),
         lambda: RankMixture(excluded_s=-1.0),
@@ -284,7 +290,7 @@ def test_bad_parameters_are_one_clear_error(build):
 @pytest.mark.parametrize("informed", [0.1, 10.0])
 @pytest.mark.parametrize("count, times", [(600, 2), (1600, 2)])
 def test_states_that_bounds_leave_out_could_not_have_won(rng, width, informed, count, times):
-    motion = RandomWalk.of(np.array([[0.04, 0.01], [0.01, 0.09]]))
+    motion = random_walk(np.array([[0.04, 0.01], [0.01, 0.09]]))
     for _ in range(times):
         previous = width * (7 + 0.2 * rng.standard_normal((count, 2)))
         weights = rng.dirichlet(np.full(count, 0.3))

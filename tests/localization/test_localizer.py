@@ -262,7 +262,7 @@ def test_other_positions_may_train_and_frames_without_one_do_not():
 @pytest.mark.parametrize(
     "options",
     [
-        {"neighbors": 9}, {"neighbors": 0}, {"samples": 0}, {"particles": 0}, {"recovery": "hope"},
+        {"neighbors": 0}, {"samples": 0}, {"particles": 0}, {"recovery": "hope"},
         {"neighbors": 2.5}, {"samples": 2.5}, {"samples": "400"}, {"samples": True},
         {"particles": 2.5}, {"rng": 42}, {"rng": None},
     ],

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from small_room import histogram_flight
+from small_room import histogram_flight, random_walk
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.localization.base import Part, learned
-from trexton.localization.distances import Euclidean, Hellinger
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.methods import (
@@ -24,7 +23,7 @@ from trexton.localization.methods import (
     parse_choices,
 )
 from trexton.localization.motion import RandomWalk
-from trexton.localization.neighbors import NearestHistograms
+from trexton.localization.neighbors import Euclidean, Hellinger, NearestHistograms
 from trexton.localization.training import for_method, train_map, training_set, with_choices
 
 
@@ -66,7 +65,7 @@ def test_every_part_in_the_table_can_be_made_and_is_called_so(role):
 @pytest.mark.parametrize(
     "choices",
     [
-        {"motion": "trexton.localization.distances:Hellinger"},
+        {"motion": "trexton.localization.neighbors:Hellinger"},
         {"motion": Hellinger()},
         {"motion": "trexton.localization.motion:MotionModel"},  # a base does nothing
     ],
@@ -145,7 +144,7 @@ def test_a_localizer_may_fly_another_method(monkeypatch):
 
 
 def test_the_growth_is_that_of_the_motion():
-    walk = RandomWalk.of(0.04 * np.eye(2), 0.1)
+    walk = random_walk(0.04 * np.eye(2), 0.1)
     np.testing.assert_array_equal(walk.growth(0.1), walk.covariance)
     np.testing.assert_allclose(walk.growth(1.0), 0.4 * np.eye(2))
     localizer = Localizer(trained(motion=RandomWalk(sigma=0.2)), rng=np.random.default_rng(0))

@@ -7,8 +7,7 @@ import pytest
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.companion.experiments.sweeps import TreeSearch
-from trexton.localization.distances import Hellinger
-from trexton.localization.neighbors import NearestHistograms, neighbors_in_flight
+from trexton.localization.neighbors import Hellinger, NearestHistograms, neighbors_in_flight
 
 
 def plain_neighbors(histograms, histogram, k):

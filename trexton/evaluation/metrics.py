@@ -94,17 +94,7 @@ def bootstrap_interval(
 def mean_with_interval(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
     """Mean of ``(R, N)`` values with its 95 % interval over runs and stretches of the flight, as
     records hold it; NaN is left out.
-
-    Raises
-    ------
-    ParameterError
-        There are no runs of frames.
     """
-    if np.ndim(rows) != 2 or not np.size(rows):
-        raise ParameterError(
-            f"rows have shape {np.shape(rows)}: expected (R, N) values of runs and frames, "
-            "one of each at least"
-        )
     runs, count = rows.shape
     drawn = [rows[rng.integers(runs), block_rows(count, rng)] for _ in range(500)]
     low, high = bootstrap_interval([np.nanmean(each) for each in drawn], count)

@@ -34,14 +34,6 @@ class Measurement:
     covariance: np.ndarray
     independent_s: float = 0.0
 
-    def inflated(self, period_s: float) -> Measurement:
-        """For a receiver that is sent one every `period_s` and takes each for independent.
-
-        Covariance inflation: all measurements that share an error together weigh as much as one.
-        """
-        factor = max(1.0, self.independent_s / period_s)
-        return Measurement(self.position, factor * self.covariance, self.independent_s)
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Estimate:
@@ -117,10 +109,14 @@ class Estimate:
     def for_fusion(self, period_s: float) -> Measurement:
         """The measurement for an autopilot that is sent one every `period_s` and takes each for
         independent; the filter's own covariance where there is none.
+
+        Covariance inflation: all measurements that share an error together weigh as much as one.
         """
-        if self.measurement is None:
+        own = self.measurement
+        if own is None:
             return Measurement(self.position, self.about_position)
-        return self.measurement.inflated(period_s)
+        factor = max(1.0, own.independent_s / period_s)
+        return Measurement(own.position, factor * own.covariance, own.independent_s)
 
     def lost_in(self, area: tuple[float, float, float, float]) -> bool:
         """Whether it must not be trusted: it says so, or may be anywhere in much of the area."""

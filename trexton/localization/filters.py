@@ -17,12 +17,18 @@ from trexton.base.defaults import PARTICLES
 from trexton.base.options import option
 from trexton.localization.base import Area, Part
 from trexton.localization.estimate import Estimate
-from trexton.localization.estimation import Belief, Estimation, MaximumAPosteriori
 from trexton.localization.measurement import MeasurementModel
 from trexton.localization.motion import MotionModel
 from trexton.localization.observation import Observation
-from trexton.localization.recovery import NoRecovery, Recovery
-from trexton.localization.resampling import Resampling, Wheel
+from trexton.localization.particle_parts import (
+    Belief,
+    Estimation,
+    MaximumAPosteriori,
+    NoRecovery,
+    Recovery,
+    Resampling,
+    Wheel,
+)
 from trexton.localization.texton_map import TextonMap
 
 __all__ = ["Filter", "ParticleFilter", "Particles", "RunningFilter"]
@@ -80,15 +86,8 @@ class Particles(Filter):
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator
     ) -> ParticleFilter:
-        chosen = {role: parts[role] for role in ("resampling", "estimation", "recovery")}
-        return ParticleFilter(
-            parts["motion"],
-            parts["measurement"],
-            texton_map.area,
-            self.particles,
-            **chosen,
-            rng=rng,
-        )
+        chosen = {role: parts[role] for role in self.needs}
+        return ParticleFilter(**chosen, area=texton_map.area, particles=self.particles, rng=rng)
 
 
 class ParticleFilter:

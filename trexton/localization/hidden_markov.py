@@ -15,10 +15,10 @@ import numpy as np
 
 from trexton.base.defaults import SAMPLES
 from trexton.localization.base import learned
-from trexton.localization.distances import Distance
 from trexton.localization.estimate import Estimate
 from trexton.localization.filters import Filter
 from trexton.localization.motion import MotionModel
+from trexton.localization.neighbors import Distance
 from trexton.localization.observation import Observation
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training_set import EXCLUDED_SECONDS, Training

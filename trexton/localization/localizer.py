@@ -39,10 +39,8 @@ class Localizer:
         Another than the map was trained for; its parts then learn from the map's training set.
     samples : int or None
         Patches drawn a frame; None labels every patch (full sampling).
-    particles : int, optional
-        Short for the choice ``filter.particles``.
-    neighbors : int, optional
-        k, at most what the map was trained for; None uses all of it.
+    particles, neighbors : int, optional
+        Short for the choices ``filter.particles``, ``measurement.neighbors``.
     nearest : NearestHistograms, optional
         Another search than over the map's own histograms.
     mark : callable, optional
@@ -77,20 +75,12 @@ class Localizer:
                 f"texton_map is a {type(texton_map).__name__}: expected a TextonMap, as load_map "
                 "or train_map makes it"
             )
-        if particles is not None:
-            choices["filter.particles"] = particles
+        short = {"filter.particles": particles, "measurement.neighbors": neighbors}
+        choices |= {key: count for key, count in short.items() if count is not None}
         texton_map = with_choices(for_method(texton_map, method), choices)
         if samples is not None:  # every patch
             samples = whole(samples, "samples", 1, MOST_SAMPLES)
         parts: dict[str, Any] = texton_map.parts
-        if neighbors is not None:
-            measurement: Any = parts.get("measurement")
-            if not hasattr(measurement, "first"):
-                raise ParameterError(
-                    f"neighbors is {neighbors}: the method {texton_map.method!r} looks at none, "
-                    "leave it out"
-                )
-            parts = parts | {"measurement": measurement.first(whole(neighbors, "neighbors"))}
         self.map, self.parts, self.samples, self.rng = texton_map, parts, samples, rng
         self._nearest, self._mark = nearest, mark or (lambda stage: None)
         self.filter: RunningFilter = parts["filter"].open(parts, texton_map, rng)
@@ -104,11 +94,9 @@ class Localizer:
         """The search for the most similar training histograms."""
         if self._nearest is not None:
             return self._nearest
-        k = getattr(self.parts.get("measurement"), "neighbors", self.map.neighbors)
-        most = min(k, len(self.map.histograms))
-        return NearestHistograms(
-            self.map.histograms, self.map.positions, most, distance=self.map.distance
-        )
+        own = self.map
+        most = min(own.neighbors, len(own.histograms))
+        return NearestHistograms(own.histograms, own.positions, most, distance=own.distance)
 
     @cached_property
     def _shares(self) -> bool:
@@ -243,27 +231,18 @@ class Localizer:
                     "relative frequencies, which sum to 1, divide counts by their sum"
                 )
             return
-        if self.map.dictionary is None and getattr(frame, "ndim", 0) != 3:
+        if self.map.dictionary is None or self.map.image_shape is None:
             shape = f" of shape {frame.shape}" if hasattr(frame, "shape") else ""
             raise MapError(
                 f"a {type(frame).__name__}{shape} was given: this map takes an array of {width} "
-                "finite frequencies, as numpy.asarray makes it"
+                "finite frequencies, for it was trained on histograms and holds no textons"
             )
         check_image(frame)
-        if self.map.dictionary is None or self.map.image_shape is None:
-            raise MapError(
-                "an image was given, but this map was trained from histograms only "
-                "and holds no textons: give histograms, or train on a flight with images"
-            )
         if frame.shape[:2] != self.map.image_shape:
-            (rows, columns), before = self.map.image_shape, self.map.rectification
-            advice = "set the camera to that size"
-            if before is not None:
-                width, height = before.source
-                advice = f"apply the map's rectification to the camera's {width}x{height}"
+            rows, columns = self.map.image_shape
             raise ImageError(
                 f"the frame is {frame.shape[1]}x{frame.shape[0]}, but the map was trained on "
-                f"{columns}x{rows}: {advice}"
+                f"{columns}x{rows}: set the camera to that size, or apply the map's rectification"
             )
 
     def _histogram(self, frame: np.ndarray, aiding: Aiding | None) -> np.ndarray:

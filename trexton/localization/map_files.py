@@ -96,16 +96,9 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
         An array is missing.
     """
     schema = int(arrays["schema"])
-    if schema > SCHEMA:
-        raise MapError(
-            f"map schema {schema} is newer than {SCHEMA}, "
-            "the newest this version reads: update trexton"
-        )
-    if schema < SCHEMA:
-        raise MapError(
-            f"map schema {schema} was written by an older version, whose maps lack the training "
-            "stamps: train it again with trexton train"
-        )
+    if schema != SCHEMA:
+        advice = "is newer, update trexton" if schema > SCHEMA else "is older, train it again"
+        raise MapError(f"map schema {schema}, expected {SCHEMA}: it {advice}")
     header = json.loads(arrays["header"].tobytes())
     if gone := {"calibration", "integrity", "view"} & header["parts"].keys():
         raise MapError(

@@ -12,8 +12,8 @@ from trexton.base.defaults import NEIGHBORS
 from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.localization.base import Part, learned
-from trexton.localization.distances import Distance
 from trexton.localization.motion import whitener
+from trexton.localization.neighbors import Distance
 from trexton.localization.observation import Observation
 from trexton.localization.training_set import EXCLUDED_SECONDS, Training
 
@@ -55,12 +55,6 @@ class RankMixture(MeasurementModel):
     )
     covariances: np.ndarray = learned()
 
-    @classmethod
-    def of(cls, covariances: np.ndarray) -> Self:
-        """The mixture of given ``(k, 2, 2)`` covariances, best rank first, square metres."""
-        covariances = np.asarray(covariances, dtype=float)
-        return cls(max(1, len(covariances))).with_learned(covariances=covariances)
-
     def fit(self, training: Training) -> Self:
         if self.sigma is not None:
             same = np.eye(2) * self.sigma**2
@@ -79,22 +73,6 @@ class RankMixture(MeasurementModel):
         # Whitens for all ranks at once: first what is x of all, then y.
         self._rows = np.concatenate((self._whiten[:, 0], self._whiten[:, 1]))
         self._log_norm = (np.log(np.abs(np.linalg.det(self._whiten))) - np.log(2 * np.pi))[:, None]
-
-    def first(self, neighbors: int) -> Self:
-        """The mixture of the first ranks only.
-
-        Raises
-        ------
-        ParameterError
-            It has fewer.
-        """
-        if not 1 <= neighbors <= self.neighbors:
-            raise ParameterError(
-                f"{neighbors} neighbours were asked for: "
-                f"this map was trained for 1 to {self.neighbors}"
-            )
-        fewer = self.with_options(neighbors=neighbors)
-        return fewer.with_learned(covariances=self.covariances[:neighbors])
 
     @property
     def deviations(self) -> np.ndarray:

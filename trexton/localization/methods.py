@@ -24,9 +24,9 @@ __all__ = [
 # it does not fly.
 ROLES: dict[str, dict[str, str]] = {
     "distance": {
-        "euclidean": "trexton.localization.distances:Euclidean",
-        "hellinger": "trexton.localization.distances:Hellinger",
-        "chi-square": "trexton.localization.distances:ChiSquare",
+        "euclidean": "trexton.localization.neighbors:Euclidean",
+        "hellinger": "trexton.localization.neighbors:Hellinger",
+        "chi-square": "trexton.localization.neighbors:ChiSquare",
     },
     "appearance": {
         "none": "trexton.field.appearance:AsSurveyed",
@@ -48,17 +48,17 @@ ROLES: dict[str, dict[str, str]] = {
         "registration": "trexton.registration.filter:Registration",
     },
     "resampling": {
-        "wheel": "trexton.localization.resampling:Wheel",
-        "systematic": "trexton.localization.resampling:Systematic",
+        "wheel": "trexton.localization.particle_parts:Wheel",
+        "systematic": "trexton.localization.particle_parts:Systematic",
     },
     "estimation": {
-        "map": "trexton.localization.estimation:MaximumAPosteriori",
-        "mean": "trexton.localization.estimation:WeightedMean",
-        "highest-weight": "trexton.localization.estimation:HighestWeight",
+        "map": "trexton.localization.particle_parts:MaximumAPosteriori",
+        "mean": "trexton.localization.particle_parts:WeightedMean",
+        "highest-weight": "trexton.localization.particle_parts:HighestWeight",
     },
     "recovery": {
-        "none": "trexton.localization.recovery:NoRecovery",
-        "augmented": "trexton.localization.recovery:Augmented",
+        "none": "trexton.localization.particle_parts:NoRecovery",
+        "augmented": "trexton.localization.particle_parts:Augmented",
     },
 }
 # What the localizer and training read of every method; a filter says itself what else it needs.

@@ -78,11 +78,6 @@ class RandomWalk(MotionModel):
     covariance: np.ndarray = learned()
     period_s: np.ndarray = learned()
 
-    @classmethod
-    def of(cls, covariance: np.ndarray, period_s: float = 1.0) -> Self:
-        """The walk of a given ``(2, 2)`` covariance from frame to frame, square metres."""
-        return cls().with_learned(covariance=covariance, period_s=np.asarray(period_s))
-
     def fit(self, training: Training) -> Self:
         if self.sigma is None:
             covariance = process_covariance(training.positions, training.time)

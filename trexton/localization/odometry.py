@@ -92,26 +92,16 @@ class Visual(Odometry):
         return seeing.with_learned(sigma=np.array(sigma))
 
     def open(self, period_s: float) -> RunningVisual:
-        camera, height = camera_of(self.camera)
-        odometry = VisualOdometry(camera, width=min(WIDTH, camera.width))
-        return RunningVisual(self, odometry, height, period_s)
+        return RunningVisual(self, period_s)
 
 
 class RunningVisual:
-    """`Visual` in flight.
+    """`Visual` in flight, frames without stamps `period_s` apart."""
 
-    Parameters
-    ----------
-    part : Visual
-    odometry : VisualOdometry
-    height : float
-        Metres above the floor, where nothing tells it.
-    period_s : float
-    """
-
-    def __init__(self, part: Visual, odometry: VisualOdometry, height: float, period_s: float):
-        self._part, self._odometry, self._height = part, odometry, height
-        self._period_s = period_s
+    def __init__(self, part: Visual, period_s: float):
+        camera, self._height = camera_of(part.camera)  # where nothing tells how high it flies
+        self._odometry = VisualOdometry(camera, width=min(WIDTH, camera.width))
+        self._part, self._period_s = part, period_s
         self.reset()
 
     def reset(self) -> None:

@@ -13,9 +13,8 @@ from scipy.spatial.distance import cdist
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.flights.flight import Flight
-from trexton.localization.counting import full_histograms
 from trexton.localization.texton_map import TextonMap
-from trexton.localization.training import with_parts
+from trexton.localization.training import full_histograms, with_parts
 
 __all__ = ["renewed"]
 

@@ -14,7 +14,7 @@ import numpy as np
 from trexton.base.defaults import NEIGHBORS
 from trexton.base.errors import MapError
 from trexton.localization.base import Area
-from trexton.localization.distances import Distance, Hellinger
+from trexton.localization.neighbors import Distance, Hellinger
 from trexton.vision.camera import Rectification
 from trexton.vision.textons import TextonDictionary
 

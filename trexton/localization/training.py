@@ -1,9 +1,13 @@
-"""Training: a flight becomes a map, and parts of a map are trained anew on its training set."""
+"""Training: a flight becomes a map, and parts of a map are trained anew on its training set.
+
+`full_histograms` keeps its counts in the cache, so that the next training on these frames has them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,17 +15,24 @@ import numpy as np
 from trexton.base.defaults import PATCH, TEXTONS, USUAL_CELLS
 from trexton.base.errors import MapError, ParameterError
 from trexton.base.options import whole
-from trexton.base.progress import say
+from trexton.base.progress import progress, say
 from trexton.base.streams import generator
 from trexton.flights.flight import Flight
 from trexton.localization.base import Part
-from trexton.localization.counting import full_histograms
 from trexton.localization.methods import changed, compose, fitting
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training_set import Training
+from trexton.vision.histograms import texton_counts
 from trexton.vision.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
+from trexton.vision.threads import ahead
 
-__all__ = ["counted", "for_method", "train_map", "training_set", "with_choices", "with_parts"]
+__all__ = [
+    "counted", "for_method", "full_histograms", "train_map", "training_set", "with_choices",
+    "with_parts",
+]  # fmt: skip
+
+KEPT_FROM = 250  # frames; shorter flights are counted in a second or two
+_PARTS = 2  # a side: images are counted in quarters, whose sum serves methods that take the whole
 
 
 def train_map(
@@ -48,16 +59,15 @@ def train_map(
     n_textons, patch : int
         K, and the patch's side in pixels.
     cells : int, optional
-        Parts of the image along each side, each with a histogram of its own; 1 in the paper.
-        The method's own unless given, see `trexton.base.defaults.USUAL_CELLS`; 1 where parts of
-        the image show nothing of what others show, as when the heading was not held.
+        Parts of the image along each side, each with a histogram of its own. The method's own
+        unless given (`trexton.base.defaults.USUAL_CELLS`), or 1 where these show nothing of what
+        others show.
     neighbors : int, optional
         Short for the choice ``measurement.neighbors``.
     rng : numpy.random.Generator
-    dictionary : TextonDictionary, optional
-        Use this one instead of learning it from the flight's images.
-    positions : (N, 2) array, optional
-        Use these instead of the flight's ground truth; frames with NaN do not train.
+    dictionary, positions : TextonDictionary, (N, 2) array, optional
+        Instead of what is learned from the images, and of the flight's ground truth; frames with
+        NaN do not train.
     **choices
         ``role``: a part, or its name; ``role.option``: a value. They replace what the method
         says.
@@ -139,13 +149,12 @@ def with_parts(
     flight: Flight | None = None,
     rng: np.random.Generator | None = None,
 ) -> TextonMap:
-    """A map with other parts, trained on its own training set.
+    """A map with other parts, trained on its own training set; those not named stay.
 
     Parameters
     ----------
     texton_map : TextonMap
     parts : mapping of role to Part
-        Those not named stay as they are.
     flight : Flight, optional
         The frames behind the map, for parts that learn from more than histograms.
     rng : numpy.random.Generator, optional
@@ -246,3 +255,46 @@ def counted(texton_map: TextonMap, flight: Flight, cells: int) -> TextonMap:
             f"{len(texton_map.positions)}: give the frames that it was trained on"
         )
     return texton_map.with_histograms(full_histograms(flight, texton_map.alphabet, cells), cells)
+
+
+def full_histograms(
+    flight: Flight, dictionary: TextonDictionary | None, cells: int = 1
+) -> np.ndarray:
+    """``(N, K)`` histograms of a flight: full sampling of its images, or those that it brings.
+
+    Raises
+    ------
+    MapError
+        The flight has neither.
+    """
+    if dictionary is None or not flight.has_images:
+        if flight.histograms is None:
+            raise MapError(
+                f"flight {flight.name!r} has no histograms: give a dictionary to count by"
+            )
+        return flight.histograms
+    counts = _counts(flight, dictionary, _PARTS if cells == 1 else cells)
+    if cells == 1:
+        counts = counts.reshape(len(flight), _PARTS**2, -1).sum(axis=1)
+    return counts / counts.sum(axis=1, keepdims=True)
+
+
+def _counts(flight: Flight, dictionary: TextonDictionary, cells: int) -> np.ndarray:
+    """``(N, K cells^2) int32``"""
+
+    def compute() -> dict[str, np.ndarray]:
+        images = progress(flight.images(), "histograms", total=len(flight))
+        count = partial(texton_counts, dictionary=dictionary, cells=cells)
+        return {"counts": np.stack(list(ahead(count, images))).astype(np.int32)}
+
+    if len(flight) < KEPT_FROM:
+        return compute()["counts"]
+    from trexton.base.cache import cached  # which an onboard computer never needs
+
+    assert flight.frames is not None  # only images are counted
+    inputs = {
+        "frames": flight.frames.digest,
+        "textons": [dictionary.textons.shape, dictionary.textons.tobytes().hex()],
+        "cells": cells,
+    }
+    return cached("counts", "trexton.vision.histograms", inputs, compute)["counts"]

@@ -10,8 +10,12 @@ import numpy as np
 
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area
-from trexton.localization.distances import Distance
-from trexton.localization.neighbors import NearestHistograms, Neighbors, neighbors_in_flight
+from trexton.localization.neighbors import (
+    Distance,
+    NearestHistograms,
+    Neighbors,
+    neighbors_in_flight,
+)
 from trexton.vision.textons import TextonDictionary
 
 __all__ = ["EXCLUDED_SECONDS", "Training"]

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from small_room import observations
+from small_room import observations, random_walk, rank_mixture
 
 from trexton.base.errors import ParameterError
 from trexton.cli import main as cli
@@ -19,11 +19,9 @@ from trexton.companion.checks.timing import Contest, interleave, table
 from trexton.companion.executor import limited_threads
 from trexton.companion.provenance import machine
 from trexton.evaluation.runtime import StageTimer
-from trexton.localization.estimation import MaximumAPosteriori
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.localizer import Localizer
-from trexton.localization.measurement import RankMixture
-from trexton.localization.motion import RandomWalk
+from trexton.localization.particle_parts import MaximumAPosteriori
 from trexton.vision.threads import thread_count
 
 
@@ -80,8 +78,8 @@ def test_threads_are_limited_within_the_block(monkeypatch):
 
 def test_yardstick_of_the_filter_finds_the_same_particle(rng):
     motion, mixture = (
-        RandomWalk.of(0.05 * np.eye(2)),
-        RankMixture.of(0.2 * np.eye(2)[None].repeat(5, axis=0)),
+        random_walk(0.05 * np.eye(2)),
+        rank_mixture(0.2 * np.eye(2)[None].repeat(5, axis=0)),
     )
     filter_ = ParticleFilter(motion, mixture, (0, 3, 0, 3), 40, rng=rng)
     filter_.step(*observations(1.5 + 0.2 * rng.standard_normal((1, 5, 2))))

@@ -33,9 +33,9 @@ from trexton.companion.wording import interval, middle, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.field.features import is_counted
 from trexton.flights.flight import Flight
-from trexton.localization.distances import Hellinger
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.methods import compose
+from trexton.localization.neighbors import Hellinger
 from trexton.localization.training import for_method, with_parts
 from trexton.localization.training_set import EXCLUDED_SECONDS
 

@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from small_room import observations
+from small_room import observations, random_walk, rank_mixture
 
 from trexton.base.errors import ParameterError
 from trexton.localization.filters import ParticleFilter
-from trexton.localization.measurement import RankMixture
 from trexton.localization.methods import make
-from trexton.localization.motion import RandomWalk
-from trexton.localization.recovery import Augmented
+from trexton.localization.particle_parts import Augmented
 
 
 def test_the_averages_follow_their_definition():
@@ -33,8 +31,8 @@ def kidnapped(recovery, seed):
     """
     rng = np.random.default_rng(seed)
     particle_filter = ParticleFilter(
-        RandomWalk.of(np.eye(2) * 1e-3),
-        RankMixture.of(np.eye(2)[None] * 0.04),
+        random_walk(np.eye(2) * 1e-3),
+        rank_mixture(np.eye(2)[None] * 0.04),
         (0, 25, 0, 25),
         100,
         recovery=make("recovery", recovery),
