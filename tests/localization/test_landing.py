@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import ParameterError
+from trexton.localization import landing
 from trexton.localization.estimate import Estimate
-from trexton.localization.landing import LandingZone, TouchdownZone
+from trexton.localization.landing import GUST, LandingZone, TouchdownZone
 
 
 @dataclass
@@ -92,10 +93,10 @@ def moving(position, velocity=(0.0, 0.0), deviation=0.05, **changes) -> Estimate
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.3, -0.2), (0.7, 0.1)])
 def test_the_chance_of_a_touchdown_inside_is_that_of_many_touchdowns(offset, rng):
-    zone = TouchdownZone((1, 2), 0.6, drift_s=0.5, gust=0.2)
+    zone = TouchdownZone((1, 2), 0.6, drift_s=0.5)
     estimate = moving(np.array(offset) + (1, 2), (0.2, 0.1), 0.1)
     place, covariance = estimate.ahead(0.5)
-    drawn = rng.multivariate_normal(place, covariance + 0.04 * np.eye(2), 100_000) - (1, 2)
+    drawn = rng.multivariate_normal(place, covariance + GUST**2 * np.eye(2), 100_000) - (1, 2)
     assert zone.chance(estimate) == pytest.approx((np.hypot(*drawn.T) < 0.6).mean(), abs=0.006)
 
 
@@ -107,7 +108,7 @@ def test_it_lands_before_the_middle_where_the_vehicle_flies_towards_it():
 
 
 def test_less_is_asked_for_as_the_time_runs_out():
-    zone = TouchdownZone((0, 0), 0.6, confidence=0.9, least=0.8, time_limit=60, settled_s=0)
+    zone = TouchdownZone((0, 0), 0.6, time_limit=60, settled_s=0)
     near = moving((0.4, 0.0))
     assert 0.8 < zone.chance(near) < 0.9
     assert not zone.update(near, 5.0)
@@ -115,14 +116,15 @@ def test_less_is_asked_for_as_the_time_runs_out():
     assert zone.wanted(600.0) == 0.8
 
 
-def test_a_chance_that_still_grows_is_waited_for():
-    zone = TouchdownZone((0, 0), 0.6, drift_s=0.5, confidence=0.7, least=0.7)
+def test_a_chance_that_still_grows_is_waited_for(monkeypatch):
+    monkeypatch.setattr(landing, "CONFIDENCE", 0.7)
+    monkeypatch.setattr(landing, "LEAST", 0.7)
+    zone = TouchdownZone((0, 0), 0.6, drift_s=0.5)
     coming, over, leaving = (moving((x, 0), (0.6, 0)) for x in (-0.55, -0.3, -0.2))
     assert zone.chance(coming) > 0.7 and not zone.accepts(coming)
     assert zone.accepts(over) and zone.accepts(leaving)
-    assert TouchdownZone((0, 0), 0.6, drift_s=0.5, confidence=0.7, least=0.7, later_s=0).accepts(
-        coming
-    )
+    monkeypatch.setattr(landing, "LATER_S", 0.0)
+    assert zone.accepts(coming)
 
 
 def test_after_a_jump_it_waits_until_the_estimates_have_settled():
@@ -149,8 +151,9 @@ def test_a_lost_estimate_must_settle_too_and_one_that_was_only_predicted_need_no
     assert not zone.update(here, 2.4) and zone.update(here, 3.9)
 
 
-def test_a_vehicle_that_flies_on_does_not_jump():
-    zone = TouchdownZone((0, 0), 0.6, drift_s=0, later_s=0, settled_s=0.5)
+def test_a_vehicle_that_flies_on_does_not_jump(monkeypatch):
+    monkeypatch.setattr(landing, "LATER_S", 0.0)
+    zone = TouchdownZone((0, 0), 0.6, drift_s=0, settled_s=0.5)
     path = [moving((x, 0), (10.0, 0)) for x in np.arange(-8.0, 0.1, 0.8)]
     assert any(zone.update(each, 0.08 * row) for row, each in enumerate(path))
     standing = [moving((x, 0)) for x in np.arange(-8.0, 0.1, 0.8)]
@@ -173,12 +176,8 @@ def test_an_estimate_without_velocity_stays_where_it_is():
 @pytest.mark.parametrize(
     "bad",
     [
-        {"gust": 0},
         {"drift_s": -1},
         {"time_limit": 0},
-        {"least": 0.99},
-        {"confidence": 1.0},
-        {"later_s": -1},
         {"settled_s": -1},
     ],
 )

@@ -39,7 +39,7 @@ def test_a_camera_that_takes_other_pictures_is_refused(flight):
 
 
 def test_heights_below_the_floor_are_refused(flight):
-    with pytest.raises(MapError, match="not above its floor"):
+    with pytest.raises(MapError, match="lacks the camera's heights above the floor"):
         learned_lens(replace(flight, height=-flight.height), "go without")
 
 

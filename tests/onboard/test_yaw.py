@@ -125,7 +125,10 @@ def test_a_vehicle_without_a_compass_flies_by_it(fine, send_yaw):
 
     local, goal = LocalFrame(0.5), np.array([2.8, 2.6])
     room, localizer = turned(7, 2.2), Localizer(fine, rng=rng_of(1))
-    vehicle, continuity = WithoutCompass(room, local), Continuity(localizer.growth, PERIOD)
+    vehicle, continuity = (
+        WithoutCompass(room, local),
+        Continuity(localizer.parts["motion"].growth, PERIOD),
+    )
     talk = Speaker(PROFILES["px4"](local, AREA), 0.01 * np.eye(2), Listener(), send_yaw=send_yaw)
     talk.listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), 0.0)
     distances = []

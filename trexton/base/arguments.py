@@ -70,13 +70,7 @@ def _place(kind: type[Options], each: Option) -> str:
 
 
 def add_assignments(parser: argparse.ArgumentParser, metavar: str, words: str) -> None:
-    """Give the parser ``--set``, repeatable; see `assignments`.
-
-    Parameters
-    ----------
-    metavar, words : str
-        How a word should look, and the option's help.
-    """
+    """Give the parser ``--set``, repeatable; see `assignments`. `words` are its help."""
     parser.add_argument(
         "--set", nargs="+", action="extend", default=[], metavar=metavar, dest="settings",
         help=words,
@@ -84,17 +78,9 @@ def add_assignments(parser: argparse.ArgumentParser, metavar: str, words: str) -
 
 
 def assignments(words: Iterable[str], form: str) -> dict[str, str]:
-    """What was typed after ``--set``: ``key=value`` words as a mapping.
+    """What was typed after ``--set``, ``key=value`` words, as a mapping.
 
-    Parameters
-    ----------
-    form : str
-        How a word should look, for the error.
-
-    Raises
-    ------
-    ParameterError
-        A word is no assignment, or a key comes twice.
+    `ParameterError` where a word is none, or a key comes twice; it says that `form` was expected.
     """
     pairs: dict[str, str] = {}
     for word in words:

@@ -97,12 +97,8 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) -> None:
-    """Refuse to write over what is read, into a folder that is read, or over one that holds it.
-
-    Raises
-    ------
-    ParameterError
-        It would be.
+    """Refuse to write over what is read, into a folder that is read, or over one that holds it, by
+    a `ParameterError`.
     """
     real = Path(os.path.realpath(path))
     for other in read:
@@ -115,12 +111,8 @@ def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) 
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Refuse a file that could not be written, before the work that would be lost.
-
-    Raises
-    ------
-    ParameterError
-        It is a folder, or lies below a file or in a folder where nothing may be written.
+    """Refuse a file that could not be written, before the work that would be lost, by a
+    `ParameterError`.
     """
     path = Path(path)
     above = next(each for each in path.absolute().parents if each.exists())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -139,7 +139,7 @@ def _trained(
         assessment = assess(texton_map, looks, rng=stream(options.seed, "assessment"))
     except MapError:
         return texton_map, None
-    provenance = texton_map.provenance | {"assessment": assessment.as_dict()}
+    provenance = texton_map.provenance | {"assessment": asdict(assessment)}
     return replace(texton_map, provenance=provenance), assessment
 
 

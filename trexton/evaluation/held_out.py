@@ -9,8 +9,7 @@ them, unless the images are given; the dictionary stays. `assess` says what that
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from trexton.base.defaults import SAMPLES
 from trexton.base.errors import MapError
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
-from trexton.localization.base import Area
 from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer
 from trexton.localization.neighbors import Neighbors
@@ -74,10 +72,6 @@ class Assessment:
     coverage_90: float | None
     wide_share: float = 0.0
 
-    def as_dict(self) -> dict[str, Any]:
-        """For the provenance of a map."""
-        return asdict(self)
-
 
 def assess(
     texton_map: TextonMap, flight: Flight | None = None, *, rng: np.random.Generator
@@ -97,23 +91,20 @@ def assess(
         The flight is too short.
     """
     flown = list(replay(texton_map, samples=SAMPLES, rng=rng, flight=flight))
-    trusted = [each for each in flown if not each.estimate.lost_in(texton_map.area)]
+    lost = np.array([each.estimate.lost_in(texton_map.area) for each in flown])
+    wide = [not each.estimate.lost for each, gone in zip(flown, lost, strict=True) if gone]
     inside = [
         each.error @ np.linalg.solve(each.estimate.about_position, each.error) <= CHI2_90
-        for each in trusted
+        for each, gone in zip(flown, lost, strict=True)
+        if not gone
     ]
     return Assessment(
         len(flown),
         float(np.mean([np.hypot(*each.error) for each in flown])),
-        1 - len(trusted) / len(flown),
-        float(np.mean(inside)) if trusted else None,
-        _wide_share([each.estimate for each in flown], texton_map.area),
+        1 - len(inside) / len(flown),
+        float(np.mean(inside)) if inside else None,
+        float(np.mean(wide)) if wide else 0.0,
     )
-
-
-def _wide_share(estimates: Sequence[Estimate], area: Area) -> float:
-    lost = [not each.lost for each in estimates if each.lost_in(area)]
-    return float(np.mean(lost)) if lost else 0.0
 
 
 def stretches(time: np.ndarray) -> list[np.ndarray]:

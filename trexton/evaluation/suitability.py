@@ -18,7 +18,7 @@ from trexton.base.errors import MapError, ParameterError
 from trexton.base.options import number
 
 __all__ = [
-    "cosine_similarity", "global_loss", "heat_map", "ideal_similarity", "local_losses", "smooth",
+    "cosine_similarity", "heat_map", "ideal_similarity", "local_losses", "smooth",
     "usual_sigma",
 ]  # fmt: skip
 
@@ -49,7 +49,8 @@ def ideal_similarity(positions: np.ndarray, others: np.ndarray, sigma: float) ->
 def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: float) -> np.ndarray:
     """``(N,)``: the loss of each sample, (1/N) sum_j CS(h_i, h_j) - d_e(pos_i, pos_j).
 
-    The similarities of a sample add up to one product with the sum of all unit histograms.
+    Their mean is L(D): lower is better. The similarities of a sample add up to one product with
+    the sum of all unit histograms.
 
     Raises
     ------
@@ -66,11 +67,6 @@ def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: float) ->
     blocks = np.array_split(positions, -(-len(positions) // _ROWS))
     ideal = [ideal_similarity(block, positions, sigma).sum(axis=1) for block in blocks]
     return (alike - np.concatenate(ideal)) / len(units)
-
-
-def global_loss(histograms: np.ndarray, positions: np.ndarray, sigma: float) -> float:
-    """L(D), the mean of the local losses: lower is better; raises as `local_losses` does."""
-    return float(local_losses(histograms, positions, sigma).mean())
 
 
 def smooth(

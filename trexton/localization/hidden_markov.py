@@ -18,7 +18,7 @@ from trexton.localization.base import learned
 from trexton.localization.estimate import Estimate
 from trexton.localization.filters import Filter
 from trexton.localization.motion import MotionModel
-from trexton.localization.neighbors import Distance
+from trexton.localization.neighbors import Distance, neighbors_in_flight
 from trexton.localization.observation import Observation
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training_set import EXCLUDED_SECONDS, Training
@@ -50,8 +50,10 @@ class HiddenMarkov(Filter):
         regular = np.diff(time) < 1.5 * training.period_s
         steps = np.square(np.diff(places, axis=0)[regular]).sum(axis=1)
         usual = np.sqrt(steps.mean()) if len(steps) else 0.0
-        drawn, found = training.resampled(SAMPLES)
-        typical = np.median([each.distance[0] for each in found])
+        drawn, distance = training.drawn(SAMPLES), training.distance
+        rows = neighbors_in_flight(training.nearest, drawn, time, 1, EXCLUDED_SECONDS)
+        pairs = zip(drawn, training.histograms[rows], strict=True)
+        typical = np.median([distance.between(each[None], near).item() for each, near in pairs])
         scales = max(float(typical), 1e-9) * np.array(SCALES)
         choices = []
         for reach in max(float(usual), MIN_SIGMA) * np.array(REACHES):

@@ -14,6 +14,9 @@ from trexton.localization.estimate import Estimate
 
 __all__ = ["LandingZone", "TouchdownZone"]
 
+GUST = 0.14  # metres: standard deviation along an axis of what is in no velocity
+CONFIDENCE, LEAST = 0.9, 0.8  # chance of a touchdown inside: asked for at first, and at last
+LATER_S = 0.25  # after so many seconds the chance must not be better than now
 _GATE_SIGMA = 4.0  # innovation gate: an estimate beyond is a jump
 
 
@@ -100,14 +103,8 @@ class TouchdownZone(LandingZone):
         r, metres.
     drift_s : float
         Seconds of the present velocity that the vehicle drifts while it brakes and comes down.
-    gust : float
-        Standard deviation in metres along an axis of what is in no velocity.
-    confidence, least : float
-        Chance of a touchdown inside that is asked for at first, and at the end of the time.
     time_limit : float
         Seconds that the search for a moment to land may take.
-    later_s : float
-        Seconds after which the chance must not be better than now.
     settled_s : float
         Seconds for which no estimate may have been lost, or elsewhere than the one before it
         foretold.
@@ -126,21 +123,13 @@ class TouchdownZone(LandingZone):
         radius: float = 0.6,
         *,
         drift_s: float = 0.5,
-        gust: float = 0.14,
-        confidence: float = 0.9,
-        least: float = 0.8,
         time_limit: float = 60.0,
-        later_s: float = 0.25,
         settled_s: float = 1.5,
         consecutive: int = 1,
     ):
         super().__init__(center, radius, consecutive=consecutive)
         self.drift_s = number(drift_s, "the drift in seconds", low=0)
-        self.gust = number(gust, "the gusts' deviation in metres", above=0)
-        self.confidence = number(confidence, "the chance at first", above=0, below=1)
-        self.least = number(least, "the chance at last", above=0, high=self.confidence)
         self.time_limit = number(time_limit, "the time limit in seconds", above=0)
-        self.later_s = number(later_s, "the look ahead in seconds", low=0)
         self.settled_s = number(settled_s, "the time to settle in seconds", low=0)
         self._before: tuple[float, Estimate] | None = None
         self._unsettled_s = 0.0
@@ -148,21 +137,21 @@ class TouchdownZone(LandingZone):
     def chance(self, estimate: Estimate, later_s: float = 0.0) -> float:
         """Chance that a landing triggered now, or so much later, touches down in the circle."""
         place, covariance = estimate.ahead(self.drift_s + later_s)
-        variances, axes = np.linalg.eigh(covariance + self.gust**2 * np.eye(2))
+        variances, axes = np.linalg.eigh(covariance + GUST**2 * np.eye(2))
         offset = axes.T @ (np.asarray(place) - self.center)
         return _inside(offset, np.sqrt(variances), self.radius)
 
     def wanted(self, elapsed_s: float) -> float:
         """Chance that is asked for after so many seconds of search."""
         share = min(max(elapsed_s / self.time_limit, 0.0), 1.0)
-        return self.confidence - (self.confidence - self.least) * share**2
+        return CONFIDENCE - (CONFIDENCE - LEAST) * share**2
 
     def accepts(self, estimate: Estimate, elapsed_s: float = 0.0) -> bool:
         """Whether this estimate alone permits a landing after so many seconds of search."""
         if not estimate.observed or estimate.lost:
             return False
         chance = self.chance(estimate)
-        return chance >= self.wanted(elapsed_s) and chance >= self.chance(estimate, self.later_s)
+        return chance >= self.wanted(elapsed_s) and chance >= self.chance(estimate, LATER_S)
 
     def update(self, estimate: Estimate, elapsed_s: float = 0.0) -> bool:
         """See `LandingZone.update`; never while the estimates have not settled."""
@@ -181,7 +170,7 @@ class TouchdownZone(LandingZone):
         """Whether an estimate lies beyond what is likely after the one before."""
         place, covariance = before.ahead(now_s - before_s)
         offset = estimate.position - place
-        unsure = covariance + estimate.covariance + self.gust**2 * np.eye(2)
+        unsure = covariance + estimate.covariance + GUST**2 * np.eye(2)
         return bool(offset @ np.linalg.solve(unsure, offset) > _GATE_SIGMA**2)
 
 

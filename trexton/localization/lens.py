@@ -29,21 +29,17 @@ def learned_lens(flight: Flight, advice: str) -> np.ndarray:
         The flight lacks images, heights above the floor or its camera, or that takes pictures of
         another size.
     """
+    heights = np.empty(0) if flight.height is None else flight.height
+    above = heights[np.isfinite(heights) & (heights > 0)]
     has = {
         "images": flight.has_images, "its camera": flight.camera is not None,
-        "the camera's heights": flight.height is not None,
+        "the camera's heights above the floor in metres": len(above) > 0,
     }  # fmt: skip
     lacking = [what for what, present in has.items() if not present]
-    if flight.camera is None or flight.height is None or lacking:
+    if flight.camera is None or lacking:
         raise MapError(
             f"flight {flight.name!r} lacks {' and '.join(lacking)}: add them to the flight, "
             f"or {advice}"
-        )
-    above = flight.height[np.isfinite(flight.height) & (flight.height > 0)]
-    if not len(above):
-        raise MapError(
-            f"the heights of flight {flight.name!r} are not above its floor: give metres "
-            f"above the floor, or {advice}"
         )
     camera, (height, width) = flight.camera, flight.image(0).shape[:2]
     if (camera.width, camera.height) != (width, height):

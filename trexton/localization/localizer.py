@@ -105,10 +105,6 @@ class Localizer:
         sums = np.abs(rows.sum(axis=1) - 1) <= SUM_TOLERANCE
         return bool(sums.all() and (rows >= 0).all())
 
-    def growth(self, dt: float) -> np.ndarray:
-        """``(2, 2)`` square metres that `dt` seconds unseen add to a position's covariance."""
-        return self.parts["motion"].growth(dt)
-
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.filter.reset()

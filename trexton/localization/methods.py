@@ -180,11 +180,9 @@ def fitting(parts: Mapping[str, Part], chosen: Iterable[str] = ()) -> dict[str, 
         waiting += [each for each in (*parts[role].needs, *parts[role].uses) if each in parts]
     for role in (key.partition(".")[0] for key in chosen):
         if role not in read:
-            asked = {each for part in read.values() for each in (*part.needs, *part.uses)}
-            reads = ", ".join(each for each in ROLES if each in (*asked, *ROOTS))
             raise ParameterError(
-                f"{role} would change nothing: with filter {name_of('filter', parts['filter'])!r} "
-                f"a method reads {reads}: leave it out, or choose another method"
+                f"{role} would change nothing: filter {name_of('filter', parts['filter'])!r} reads "
+                "none, leave it out, or choose another method"
             )
     return {role: part for role, part in parts.items() if role in read}
 
@@ -207,18 +205,9 @@ def _check_needs(role: str, parts: Mapping[str, Part]) -> None:
 
 
 def parse_choices(words: Iterable[str]) -> dict[str, str]:
-    """Choices from ``role=part`` and ``role.option=value`` words of a command line.
-
-    Raises
-    ------
-    ParameterError
-        A word is neither, comes twice, or has an unknown role.
-    """
-    form = "role=part or role.option=value"
-    choices = assignments(words, form)
-    for key, value in choices.items():
-        if not value:
-            raise ParameterError(f"--set '{key}=': expected {form}")
+    """Choices from words of a command line; `ParameterError` for one that names no role."""
+    choices = assignments(words, "role=part or role.option=value")
+    for key in choices:
         check_known(key.partition(".")[0])
     return choices
 

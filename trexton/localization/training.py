@@ -185,7 +185,6 @@ def training_set(
         texton_map.dictionary,
         flight,
         np.random.default_rng(0) if rng is None else generator(rng),
-        k=min(texton_map.neighbors, len(texton_map.histograms)),
         cells=texton_map.cells,
     )
 

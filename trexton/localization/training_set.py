@@ -13,7 +13,6 @@ from trexton.localization.base import Area
 from trexton.localization.neighbors import (
     Distance,
     NearestHistograms,
-    Neighbors,
     neighbors_in_flight,
 )
 from trexton.vision.textons import TextonDictionary
@@ -48,8 +47,6 @@ class Training:
     flight : Flight or None
         The frames themselves, in the same order; None where only their histograms were kept.
     rng : numpy.random.Generator
-    k : int
-        Neighbours of a frame.
     cells : int
         Parts of the image along each side, each with a histogram of its own.
     """
@@ -63,13 +60,12 @@ class Training:
     dictionary: TextonDictionary | None
     flight: Flight | None
     rng: np.random.Generator
-    k: int = 1
     cells: int = 1
 
     @cached_property
     def nearest(self) -> NearestHistograms:
         """The search that flies, over the training set itself."""
-        return NearestHistograms(self.histograms, self.positions, k=self.k, distance=self.distance)
+        return NearestHistograms(self.histograms, self.positions, k=1, distance=self.distance)
 
     def neighbors(self, k: int, excluded_s: float) -> np.ndarray:
         """``(N, k)`` rows of the nearest histograms of each frame, those near in time left out.
@@ -81,23 +77,10 @@ class Training:
         """
         return neighbors_in_flight(self.nearest, self.histograms, self.time, k, excluded_s)
 
-    def resampled(self, samples: int) -> tuple[np.ndarray, list[Neighbors]]:
-        """``(N, K)`` histograms as a flight sees them, and the neighbours each has at other times.
-
-        Raises
-        ------
-        MapError
-            Some frame has too few.
-        """
-        histograms = self.histograms
-        if self.dictionary is not None:
-            shares = histograms / histograms.sum(axis=1, keepdims=True)
-            histograms = self.rng.multinomial(samples, shares) / samples
-        nearest, distance = self.nearest, self.distance
-        rows = neighbors_in_flight(nearest, histograms, self.time, nearest.k, EXCLUDED_SECONDS)
-        apart = [
-            distance.between(each[None], self.histograms[near])[0]
-            for each, near in zip(histograms, rows, strict=True)
-        ]
-        neighbors = zip(rows, apart, self.positions[rows], strict=True)
-        return histograms, [Neighbors(*each) for each in neighbors]
+    def drawn(self, samples: int) -> np.ndarray:
+        """``(N, K)`` histograms as a flight sees them that draws so many patches a frame."""
+        if self.dictionary is None:
+            return self.histograms
+        shares = self.histograms / self.histograms.sum(axis=1, keepdims=True)
+        drawn: np.ndarray = self.rng.multinomial(samples, shares) / samples
+        return drawn

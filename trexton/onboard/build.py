@@ -58,7 +58,7 @@ def build(settings: Settings) -> Onboard:
     around = Surroundings(
         settings.of(MapPlacement).local,
         texton_map.area,
-        localizer.growth(1.0),
+        localizer.parts["motion"].growth(1.0),
         tally,
         flying.aiding,
         None if zone is None else np.array(zone.center),

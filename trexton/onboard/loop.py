@@ -81,7 +81,7 @@ class Onboard:
         self._period = 1 / rate if rate else self._model_period
         self.aids = Aids(aiding, sinks)
         self._inspector = Inspector(localizer.map.image_shape)
-        self._continuity = Continuity(localizer.growth, self._period)
+        self._continuity = Continuity(localizer.parts["motion"].growth, self._period)
         self.status = Status(tally, sinks, self.commander, warnings)
         self._model_time: float | None = None  # up to here the filter has been advanced
         self._observed_at = -np.inf

@@ -13,7 +13,7 @@ from trexton.base.records import Record
 from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import map_loss
 from trexton.companion.experiments.correlation import pair_correlation, rank_correlation
-from trexton.evaluation.suitability import cosine_similarity, global_loss, local_losses
+from trexton.evaluation.suitability import cosine_similarity, local_losses
 from trexton.localization.training_set import EXCLUDED_SECONDS
 
 
@@ -33,7 +33,7 @@ def test_loss_and_similarity(record, flights):
     train, _ = flights
     values = record.values
     assert values["global_loss"] == pytest.approx(
-        global_loss(train.histograms, train.position, 0.7)
+        local_losses(train.histograms, train.position, 0.7).mean()
     )
     alike = cosine_similarity(train.histograms)
     assert values["similarity"]["lowest"] == alike.min()
