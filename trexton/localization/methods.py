@@ -218,15 +218,10 @@ def check_known(role: str) -> None:
         raise ParameterError(f"part {role!r} is unknown: choose one of {', '.join(ROLES)}")
 
 
-def base_class(role: str) -> type[Part]:
-    """The class of which all parts that fill a role are."""
-    first = resolve(role, next(iter(ROLES[role])), ROLES[role])
-    return next(each for each in first.__mro__ if Part in each.__bases__)
-
-
 def check_role(role: str, kind: object) -> None:
     """Raise `ParameterError` unless a part of this class fills the role."""
-    base = base_class(role)
+    first = resolve(role, next(iter(ROLES[role])), ROLES[role])
+    base = next(each for each in first.__mro__ if Part in each.__bases__)
     if not (isinstance(kind, type) and issubclass(kind, base)) or kind is base:
         name = getattr(kind, "__qualname__", kind)
         raise ParameterError(

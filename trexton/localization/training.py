@@ -27,8 +27,7 @@ from trexton.vision.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
 from trexton.vision.threads import ahead
 
 __all__ = [
-    "counted", "for_method", "full_histograms", "train_map", "training_set", "with_choices",
-    "with_parts",
+    "for_method", "full_histograms", "train_map", "training_set", "with_choices", "with_parts",
 ]  # fmt: skip
 
 KEPT_FROM = 250  # frames; shorter flights are counted in a second or two
@@ -220,7 +219,14 @@ def for_method(
         as_usual = texton_map.cells == USUAL_CELLS.get(texton_map.method, 1)
         own = own.joined() if as_usual and cells < texton_map.cells else own
         return with_parts(own, parts, flight=flight, rng=rng)
-    return _with_parts_or_whole(counted(own, flight, cells), parts, flight, rng)
+    if cells != own.cells:
+        if len(flight) != len(own.positions):
+            raise MapError(
+                f"flight {flight.name!r} has {len(flight)} frames, the map {len(own.positions)}: "
+                "give the frames that it was trained on"
+            )
+        own = own.with_histograms(full_histograms(flight, own.alphabet, cells), cells)
+    return _with_parts_or_whole(own, parts, flight, rng)
 
 
 def _with_parts_or_whole(
@@ -236,24 +242,6 @@ def _with_parts_or_whole(
         return fitted
     say("parts of the images show nothing of each other: they are taken as a whole")
     return with_parts(texton_map.joined(), parts, flight=flight, rng=rng)
-
-
-def counted(texton_map: TextonMap, flight: Flight, cells: int) -> TextonMap:
-    """A map with histograms of so many parts of the image a side; its own parts stay.
-
-    Raises
-    ------
-    MapError
-        The flight has other frames than the map.
-    """
-    if cells == texton_map.cells:
-        return texton_map
-    if len(flight) != len(texton_map.positions):
-        raise MapError(
-            f"flight {flight.name!r} has {len(flight)} frames, the map "
-            f"{len(texton_map.positions)}: give the frames that it was trained on"
-        )
-    return texton_map.with_histograms(full_histograms(flight, texton_map.alphabet, cells), cells)
 
 
 def full_histograms(

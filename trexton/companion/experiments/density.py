@@ -28,7 +28,7 @@ from trexton.companion.wording import distance, middle, number, percent
 from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.training import counted, for_method, train_map
+from trexton.localization.training import for_method, full_histograms, train_map
 from trexton.simulator.floor import Floor
 from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera
@@ -121,10 +121,11 @@ def _maps(parameters: Parameters, survey: Flight) -> dict[str, TextonMap]:
     """By method, of one survey."""
     base = train_map(survey, n_textons=parameters.textons, rng=stream(parameters.seed, "training"))
     rng = stream(parameters.seed, "map field")
+    cut = base.with_histograms(full_histograms(survey, base.alphabet, CELLS), CELLS)
     return {
         "paper": base,
         "field": for_method(base, "field", rng=rng),
-        "parts": for_method(counted(base, survey, CELLS), "field", rng=rng),
+        "parts": for_method(cut, "field", rng=rng),
     }
 
 
