@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import MapError, ParameterError
+from trexton.companion.experiments.map_loss import usual_sigma
 from trexton.evaluation.suitability import (
     cosine_similarity,
     heat_map,
     ideal_similarity,
     local_losses,
     smooth,
-    usual_sigma,
 )
 
 
@@ -109,7 +109,7 @@ def test_heat_map_of_a_field_is_as_coarse_as_it_must():
 
 
 def test_over_a_field_sigma_is_a_tenth_of_its_diagonal():
-    found = [usual_sigma(diagonal, 0.8) for diagonal in (7.07, 14.1, 597.3)]
+    found = [usual_sigma(diagonal) for diagonal in (7.07, 14.1, 597.3)]
     assert found == [0.8, 1.0, 60.0]
 
 

@@ -17,10 +17,7 @@ from scipy.spatial import cKDTree
 from trexton.base.errors import MapError, ParameterError
 from trexton.base.options import number
 
-__all__ = [
-    "cosine_similarity", "heat_map", "ideal_similarity", "local_losses", "smooth",
-    "usual_sigma",
-]  # fmt: skip
+__all__ = ["cosine_similarity", "heat_map", "ideal_similarity", "local_losses", "smooth"]
 
 _FINEST, _CELLS = 0.05, 200  # side of a cell in metres, cells along a side
 _ROWS = 512  # rows of an (N, N) matrix that are held at once
@@ -93,11 +90,6 @@ def smooth(
         with np.errstate(invalid="ignore"):
             smoothed.append(np.einsum("mn,n->m", weights, values) / weights.sum(axis=1))
     return np.concatenate(smoothed)
-
-
-def usual_sigma(diagonal: float, least: float) -> float:
-    """Metres: `least`, as it served a hall, and over a field a tenth of its diagonal."""
-    return max(least, float(f"{0.1 * diagonal:.1g}"))  # one digit: it is no exact number
 
 
 def heat_map(

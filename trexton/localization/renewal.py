@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.flights.flight import Flight
@@ -50,17 +49,15 @@ def renewed(
             f"{texton_map.histograms.shape[1]}: give a flight of the same kind"
         )
     old = ~contradicted(texton_map, histograms, places)
-    x, y = (
-        np.r_[ends, values]
-        for ends, values in zip(np.reshape(texton_map.area, (2, 2)), places.T, strict=True)
-    )
+    every = np.concatenate([np.reshape(texton_map.area, (2, 2)).T, places])
+    (x_min, y_min), (x_max, y_max) = every.min(axis=0).tolist(), every.max(axis=0).tolist()
     start = texton_map.time[-1] + GAP_S - later.time[0]
     result = replace(
         texton_map,
         histograms=np.concatenate([texton_map.histograms[old], histograms]),
         positions=np.concatenate([texton_map.positions[old], places]),
         time=np.concatenate([texton_map.time[old], later.time + start]),
-        area=(float(x.min()), float(x.max()), float(y.min()), float(y.max())),
+        area=(x_min, x_max, y_min, y_max),
         provenance=texton_map.provenance | {"renewed": [flight.name, flight.data_hash]},
     )
     parts = {role: part.untrained() for role, part in texton_map.parts.items() if role not in KEPT}
@@ -76,9 +73,8 @@ def contradicted(texton_map: TextonMap, histograms: np.ndarray, places: np.ndarr
     apart[np.abs(time[:, None] - time) < APART_S] = np.inf
     reach = float(np.median(apart.min(axis=1)))
     own, later = (np.sqrt(np.maximum(each, 0)) for each in (texton_map.histograms, histograms))
-    unlike = cdist(own, own)
-    neighbor = apart.argmin(axis=1)
-    usual = np.quantile(unlike[np.arange(len(neighbor)), neighbor], USUAL_SHARE)
+    unlike = np.linalg.norm(own - own[apart.argmin(axis=1)], axis=1)
+    usual = np.quantile(unlike, USUAL_SHARE)
     distance = np.hypot(*(positions[:, None] - places).transpose(2, 0, 1))
     nearest, rows = distance.argmin(axis=1), np.arange(len(positions))
     differs = np.linalg.norm(own - later[nearest], axis=1)

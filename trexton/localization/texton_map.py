@@ -101,9 +101,5 @@ class TextonMap:
 
     def select(self, rows: np.ndarray) -> TextonMap:
         """The map of these rows only, a mask or indices; its parts stay as they learned."""
-        return replace(
-            self,
-            histograms=self.histograms[rows],
-            positions=self.positions[rows],
-            time=self.time[rows],
-        )
+        kept = {name: getattr(self, name)[rows] for name in ("histograms", "positions", "time")}
+        return replace(self, **kept)

@@ -33,7 +33,6 @@ from trexton.evaluation.suitability import (
     heat_map,
     local_losses,
     smooth,
-    usual_sigma,
 )
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
@@ -72,7 +71,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     texton_map = map_of(train, parameters)
     histograms, positions = texton_map.histograms, texton_map.positions
-    sigma = parameters.sigma or usual_sigma(train.diagonal, AUTHORS)
+    sigma = parameters.sigma or usual_sigma(train.diagonal)
     losses = local_losses(histograms, positions, sigma)
     rows = training_set(texton_map).neighbors(parameters.neighbors, EXCLUDED_SECONDS)
     errors = euclidean(positions[rows].mean(axis=1), positions)
@@ -171,6 +170,11 @@ def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict[str
         {"loss": loss[i], "error_cm": {"value": error[i], "low": low[i], "high": high[i]}}
         for i in range(GROUPS)
     ]
+
+
+def usual_sigma(diagonal: float) -> float:
+    """Metres: as it served the authors' hall, and over a field a tenth of its diagonal."""
+    return max(AUTHORS, float(f"{0.1 * diagonal:.1g}"))  # one digit: it is no exact number
 
 
 def finding(record: Record) -> str:
