@@ -181,8 +181,8 @@ def fitting(parts: Mapping[str, Part], chosen: Iterable[str] = ()) -> dict[str, 
     for role in (key.partition(".")[0] for key in chosen):
         if role not in read:
             raise ParameterError(
-                f"{role} would change nothing: filter {name_of('filter', parts['filter'])!r} reads "
-                "none, leave it out, or choose another method"
+                f"{role} would change nothing: with filter {name_of('filter', parts['filter'])!r} "
+                "a method reads none, leave it out, or choose another method"
             )
     return {role: part for role, part in parts.items() if role in read}
 
