@@ -10,10 +10,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from small_room import random_walk
 
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Estimate, TextonMap
-from trexton.localization.motion import RandomWalk
 from trexton.localization.training import train_map
 from trexton.onboard.fix import Fix, LocalFrame
 from trexton.onboard.settings import MavlinkOptions
@@ -61,7 +61,7 @@ def room_map() -> TextonMap:
         )
         texton_map = train_map(flight, n_textons=16, rng=np.random.default_rng(1))
     # The survey was thinned out: a live camera gives four frames where it kept one.
-    walk = RandomWalk.of(texton_map.parts["motion"].covariance / 4, 0.08)
+    walk = random_walk(texton_map.parts["motion"].covariance / 4, 0.08)
     return replace(texton_map, period_s=0.08, parts=texton_map.parts | {"motion": walk})
 
 

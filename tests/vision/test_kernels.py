@@ -10,6 +10,7 @@ import numba
 import numpy as np
 import pytest
 from plain import plain_labels
+from small_room import random_walk
 
 from trexton.vision.kernels import compiled, label_rows
 
@@ -79,9 +80,8 @@ def test_the_label_kernel_counts_what_it_labels(rng):
 
 def test_large_particle_sets_share_threads_and_keep_their_bits(rng, monkeypatch):
     """And equal the double sum, pairs further apart than exp(-500) aside."""
-    from trexton.localization.motion import RandomWalk
 
-    motion = RandomWalk.of(np.array([[0.01, 0.004], [0.004, 0.02]]))
+    motion = random_walk(np.array([[0.01, 0.004], [0.004, 0.02]]))
     particles, previous = rng.uniform(0, 6, (2100, 2)), rng.uniform(0, 3, (2100, 2))
     weights = rng.dirichlet(np.ones(2100))
     found = []
