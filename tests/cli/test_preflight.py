@@ -45,12 +45,12 @@ def checked(place, **options) -> dict[str, bool]:
 
 
 def spoilt(place, tmp_path, change) -> tuple[str, str]:
-    """The same flight as a folder of changed pictures."""
+    """The same flight as numbered pictures that were changed."""
     folder = tmp_path / "spoilt"
     folder.mkdir()
     for number, file in enumerate(read_flight(place[1]).frames.files):
         cv2.imwrite(str(folder / f"{number:03d}.png"), change(cv2.imread(str(file))))
-    return place[0], str(folder)
+    return place[0], str(folder / "%03d.png")
 
 
 def test_all_is_well_and_nothing_is_written_nor_commanded(place, tmp_path, capsys):
