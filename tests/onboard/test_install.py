@@ -100,6 +100,7 @@ def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
         (["--target", "0"], "target"),
         (["--origin", "52,4,1e9"], "1e+09"),
         (["--origin", "52,4"], "LAT,LON,ALT"),
+        (["--output", "udpout:127.0.0.1:14540", "--sign-key", "/no/such/key"], "cannot be read"),
         (["--land", "1,1", "--arm-landing"], "add --output udpout"),
         (["--land", "1,1", "--radius", "-1"], "radius"),
         (["--rate", "0"], "--rate"),

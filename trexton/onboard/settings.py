@@ -5,20 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeVar
 
 from trexton.base.defaults import SAMPLES
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options, option
+from trexton.base.progress import say
 from trexton.base.streams import MOST_SEED
 from trexton.localization.landing import LandingZone, TouchdownZone
-from trexton.onboard.fix import LocalFrame
 from trexton.onboard.intake import AIDS
+from trexton.onboard.local import LocalFrame
 
 __all__ = [
     "COMPONENT", "LONGEST_DELAY", "Flying", "Landing", "MapPlacement", "MavlinkOptions", "Settings",
 ]  # fmt: skip
 
+KEY_BYTES = 32
 COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER: what we are on the vehicle's network
 ORIGIN_LIMITS = ((-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10_000.0))  # degrees, degrees, metres
 CONSECUTIVE = 3  # estimates in a row that must lie inside
@@ -148,6 +151,9 @@ class MavlinkOptions(Options):
     origin: str | None = option(
         None, "LAT,LON,ALT in degrees and metres: set as the autopilot's global origin"
     )
+    sign_key: str | None = option(
+        None, "file of 32 bytes: sign every message, and believe only what is signed with it"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -183,6 +189,23 @@ class MavlinkOptions(Options):
                     "give latitude and longitude in degrees, altitude in metres"
                 )
         return latitude, longitude, altitude
+
+    def key(self) -> bytes | None:
+        """The key to sign with; raises `ParameterError`."""
+        if self.sign_key is None:
+            return None
+        try:
+            path = Path(self.sign_key)
+            key = path.read_bytes()
+            if path.stat().st_mode & 0o077:
+                say(f"{path}: others can read or write this key: chmod 600 {path}")
+        except OSError as error:
+            raise ParameterError(
+                f"{self.sign_key}: the key cannot be read ({error.strerror})"
+            ) from None
+        if len(key) != KEY_BYTES:
+            raise ParameterError(f"{self.sign_key}: {len(key)} bytes: a key has {KEY_BYTES}")
+        return key
 
 
 @dataclass(frozen=True)

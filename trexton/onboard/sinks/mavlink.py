@@ -176,6 +176,13 @@ class MavlinkSink(Sink):
 
         codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=self._options.component_id)
         codec.robust_parsing = True  # garbage on the wire is skipped, not raised
+        if (key := self._options.key()) is not None:
+            codec.signing.secret_key = key
+            codec.signing.sign_outgoing = True
+            # Tens of microseconds since 2015, as the protocol counts; it must only ever grow. A
+            # computer whose clock was never set begins there: it signs, and is refused if it did
+            # so later before.
+            codec.signing.timestamp = max(0, int((time.time() - 1420070400) * 1e5))
         return codec
 
     def _run(self) -> None:

@@ -1,0 +1,98 @@
+"""MAVLink 2 signing: what is signed with our key counts, and nothing else does."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+from onboard_tools import make_fix, surroundings
+from onboard_tools import mavlink as mavlink_options
+from patience import eventually
+
+pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
+
+from onboard_autopilot import AUTOPILOT_HEARTBEAT, Peer  # noqa: E402
+from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
+
+from trexton.onboard.sinks import open_sink  # noqa: E402
+
+KEY, OTHER = bytes(range(32)), bytes(32)
+
+
+def sign_with(codec: mavlink.MAVLink, key: bytes) -> mavlink.MAVLink:
+    codec.signing.secret_key, codec.signing.sign_outgoing = key, True
+    codec.signing.timestamp = int((time.time() - 1420070400) * 1e5)
+    return codec
+
+
+@pytest.fixture
+def peer():
+    peer = Peer()
+    yield peer
+    peer.close()
+
+
+@pytest.fixture
+def sink(peer, tmp_path):
+    (tmp_path / "key").write_bytes(KEY)
+    options = mavlink_options(sign_key=str(tmp_path / "key"))
+    sink = open_sink(f"udpout:127.0.0.1:{peer.port}", surroundings(), options)
+    sink.open()
+    assert eventually(lambda: peer.address is not None)
+    yield sink
+    sink.close()
+
+
+def test_the_key_is_known_to_both(peer, sink):
+    sign_with(peer.codec, KEY)  # from now on what is not signed with it is not understood
+    peer.received.clear()
+    assert eventually(lambda: peer.of("HEARTBEAT"))
+    assert all(message.get_signed() for message in peer.of("HEARTBEAT"))
+    peer.send(AUTOPILOT_HEARTBEAT)
+    assert eventually(lambda: "autopilot 1 heard" in sink.status())
+    sink.write(make_fix(time.monotonic(), (1.0, 2.0)))
+    assert eventually(lambda: peer.of("VISION_POSITION_ESTIMATE"))
+    assert sink.land(0) and eventually(
+        lambda: any(message.command == 21 for message in peer.of("COMMAND_LONG"))
+    )
+
+
+@pytest.mark.parametrize("key", [None, OTHER])
+def test_a_stranger_is_not_believed(peer, sink, key):
+    stranger = mavlink.MAVLink(None, 1, 1)
+    if key is not None:
+        sign_with(stranger, key)
+    own = sign_with(mavlink.MAVLink(None, 7, 1), KEY)
+    for _ in range(3):
+        peer.send(AUTOPILOT_HEARTBEAT.pack(stranger))
+    peer.send(AUTOPILOT_HEARTBEAT.pack(own))  # comes last: the others were read before it
+    assert eventually(lambda: "autopilot" in sink.status() and "heard" in sink.status())
+    assert eventually(lambda: "autopilot 7 heard" in sink.status())
+    assert "SEVERAL" not in sink.status()
+
+
+def test_a_computer_whose_clock_was_never_set_signs_all_the_same(peer, tmp_path, monkeypatch):
+    sign_with(peer.codec, KEY).signing.timestamp = 0  # an autopilot that has no clock either
+    monkeypatch.setattr("trexton.onboard.sinks.mavlink.time.time", lambda: 60.0)
+    (tmp_path / "key").write_bytes(KEY)
+    sink = open_sink(
+        f"udpout:127.0.0.1:{peer.port}",
+        surroundings(),
+        mavlink_options(sign_key=str(tmp_path / "key")),
+    )
+    sink.open()
+    try:
+        assert eventually(lambda: peer.of("HEARTBEAT"))
+        assert all(message.get_signed() for message in peer.of("HEARTBEAT"))
+    finally:
+        sink.close()
+
+
+def test_a_key_that_others_can_read_is_warned_of(tmp_path, capsys):
+    (path := tmp_path / "key").write_bytes(KEY)
+    for mode, warned in ((0o600, False), (0o640, True), (0o602, True)):
+        path.chmod(mode)
+        options = mavlink_options(sign_key=str(path))
+        (one,) = options.values()
+        assert one.key() == KEY
+        assert ("others can read or write this key" in capsys.readouterr().err) is warned
