@@ -7,13 +7,12 @@ import pytest
 from trexton.companion.experiments import homography_baseline, homography_training, mosaic
 from trexton.companion.experiments.homography_training import filtered_positions
 from trexton.companion.experiments.mosaic import (
-    floor_residual,
     locate_all,
     stitched_map,
 )
 from trexton.companion.experiments.style import COLORS
 from trexton.simulator import Floor, record_flight
-from trexton.vision.camera import Camera, MapImage
+from trexton.vision.camera import Camera
 
 
 @pytest.fixture(scope="module")
@@ -48,16 +47,6 @@ def test_fixes_on_the_true_floor_are_right(flights):
     assert (error < tilt + 0.03).all()
 
 
-def test_the_residual_of_a_shifted_map_is_its_shift(flights):
-    floor = flights[0].floor
-    small = MapImage(floor.image[:600, :600], floor.world_from_pixel)
-    shifted = floor.world_from_pixel.copy()
-    shifted[:2, 2] += (0.10, -0.05)
-    truth, deviation = floor_residual(MapImage(small.image, shifted), small)
-    assert len(truth) > 100
-    np.testing.assert_allclose(np.median(deviation, axis=0), [0.10, -0.05], atol=1e-3)
-
-
 def test_the_mosaic_record_says_what_the_mosaic_is(flights):
     train, _ = flights
     record = mosaic.run(train, train, mosaic.Parameters(anchors=6))
@@ -65,22 +54,10 @@ def test_the_mosaic_record_says_what_the_mosaic_is(flights):
     assert record.values["used"] == stitched.used.sum() and record.values["links"] == len(
         stitched.links
     )
-    assert record.values["residual_cm"]["median"] < 5
+    off = np.hypot(*(stitched.poses[:, :2] - train.position).T)[stitched.used]
+    assert record.values["frame_position_error_cm"]["median"] == 100 * np.median(off) < 5
     plan = mosaic.stitched(record).axes[0]
     np.testing.assert_array_equal(plan.lines[1].get_xydata(), train.position[stitched.anchors])
-
-
-def test_the_residual_leaves_mismatches_out_and_keeps_large_distortion(flights):
-    floor = flights[0].floor
-    rows, columns = floor.image.shape[:2]
-    map_x, map_y = np.meshgrid(
-        np.arange(columns, dtype=np.float32), np.arange(rows, dtype=np.float32)
-    )
-    bent = cv2.remap(floor.image, map_x + 60 * (map_y / rows) ** 2, map_y, cv2.INTER_LINEAR)
-    truth, deviation = floor_residual(MapImage(bent, floor.world_from_pixel), floor)
-    expected = -60 * ((floor.to_pixels(truth)[:, 1]) / rows) ** 2 * floor.world_from_pixel[0, 0]
-    assert np.abs(deviation[:, 0] - expected).max() < 0.15 and np.abs(deviation[:, 0]).max() > 0.15
-    assert np.median(np.abs(deviation[:, 0] - expected)) < 0.003
 
 
 def test_the_baseline_counts_failures_and_shows_the_fixes(flights):

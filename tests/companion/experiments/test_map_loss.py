@@ -112,11 +112,7 @@ def test_runs_on_images(tmp_path, monkeypatch):
     record = map_loss.run(train, test, map_loss.Parameters(textons=6, samples=60))
     assert record.images["floor"].shape[2] == 3
     assert record.values["counts"] == {"train": 48, "test": 48, "textons": 6}
-    for draw in (
-        map_loss.heat_maps,
-        map_loss.errors_by_loss,
-    ):
-        draw(record)
+    map_loss.heat_maps(record)
 
 
 def test_zero_histogram_is_an_error(flights, monkeypatch, tmp_path):
@@ -135,11 +131,6 @@ def test_figures_show_the_record(record, tmp_path):
     for plan, key, scale in ((left, "loss", 1), (right, "error_m", 100)):
         shown = np.ma.filled(plan.images[-1].get_array(), np.nan)
         np.testing.assert_allclose(shown, scale * np.array(heat[key], dtype=float))
-    (plot,) = map_loss.errors_by_loss(loaded).axes
-    groups = record.series["groups"]["test_filter"]
-    np.testing.assert_allclose(
-        plot.lines[2].get_ydata(), [group["error_cm"]["value"] for group in groups]
-    )
 
 
 @pytest.mark.parametrize("count", [18, 30, 75])
@@ -151,8 +142,7 @@ def test_a_short_flight_is_evaluated_and_drawn(count, flights, tmp_path, monkeyp
     train = replace(whole, frame=np.arange(count), time=np.arange(count) * 1.0, **picked)
     half = replace(again.select(np.arange(count // 2)), time=np.arange(count // 2) * 1.0)
     record = map_loss.run(train, half, map_loss.Parameters())
-    for name in ("errors_by_loss", "heat_maps"):
-        assert getattr(map_loss, name)(record).axes
+    assert map_loss.heat_maps(record).axes
 
 
 def test_rank_correlation(rng):

@@ -91,5 +91,3 @@ def test_figures_draw_the_records_numbers(cyberzoo):
     np.testing.assert_array_equal(
         drawn["estimate (every 5th frame)"], record.series["estimate_m"][::5]
     )
-    error = mocap_training.error_over_time(record).axes[1].lines
-    np.testing.assert_allclose(error[3].get_ydata()[0], mean_cm(record, "filter", "y"))

@@ -10,7 +10,6 @@ from trexton.base.files import canonical_json
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments import texton_dictionary
-from trexton.companion.experiments.texton_dictionary import place_frequencies
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.textons import TextonDictionary
 
@@ -32,20 +31,11 @@ def record(flights, tmp_path_factory):
         return texton_dictionary.run(*flights, texton_dictionary.Parameters(**OPTIONS))
 
 
-def test_frequencies_by_place_by_hand():
-    histograms = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
-    positions = np.array([[0.1, 0.1], [0.4, 0.3], [2.0, 1.0]])  # the last on the far corner
-    first, second = place_frequencies(histograms, positions, (0, 2, 0, 1), 2)
-    assert np.array_equal(first, [[0.75, np.nan], [np.nan, 0.0]], equal_nan=True)
-    assert np.array_equal(second, [[0.25, np.nan], [np.nan, 1.0]], equal_nan=True)
-
-
 def test_values(record, flights):
     values = record.values
     assert values["patches"] == 2000 and values["patches_per_image"] == 31 * 43
     assert sum(values["frequency"]) == pytest.approx(1)
     assert 1 <= values["fit"]["effective"] <= 6 and values["fit"]["error"] > 0
-    assert np.shape(record.series["place_frequency"]) == (6, 4, 4)
 
 
 def test_the_dictionary_is_that_of_the_map(flights, record):
@@ -61,7 +51,6 @@ def test_equal_seeds_give_equal_records(record, flights, tmp_path, monkeypatch):
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
     again = texton_dictionary.run(*flights, texton_dictionary.Parameters(**OPTIONS))
     assert canonical_json(again.values) == canonical_json(record.values)
-    assert canonical_json(again.series) == canonical_json(record.series)
 
 
 def test_figures_show_the_record(record, tmp_path):
@@ -70,8 +59,3 @@ def test_figures_show_the_record(record, tmp_path):
     assert labels == [
         f"{i}:  {100 * share:.1f} %" for i, share in enumerate(record.values["frequency"])
     ]
-    maps = [axis for axis in texton_dictionary.places(loaded).axes if axis.get_title(loc="right")]
-    for axis, expected in zip(maps, record.series["place_frequency"], strict=True):
-        np.testing.assert_allclose(
-            axis.images[0].get_array().filled(np.nan), 100 * np.array(expected, dtype=float)
-        )

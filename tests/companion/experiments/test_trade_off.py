@@ -124,21 +124,10 @@ def test_histograms_only(without_images):
     assert found["particles-accuracy"].ours is not None
 
 
-def test_every_setting_of_the_grid_is_flown(record):
-    grid = record.series["grid"]
-    assert [(row["samples"], row["particles"], row["neighbors"]) for row in grid] == [
-        (40, 10, 1),
-        (40, 10, 3),
-        (None, 10, 1),
-        (None, 10, 3),
-    ]
-    assert len({row["axis_mean_cm"]["value"] for row in grid}) > 1
-
-
 def test_what_the_replay_chooses_is_measured_on_the_test_flight(without_images):
     grid, values = without_images.series["grid"], without_images.values
     chosen = min(grid, key=lambda row: row["replayed_cm"])
-    assert values["tuned_error_cm"] == values["tuned"]["axis_mean_cm"] == chosen["axis_mean_cm"]
+    assert values["tuned_error_cm"] == values["tuned"]["axis_mean_cm"]
     assert values["tuned_setting"].items() <= chosen.items()
     claims = [claim for claim in load_claims() if claim.id == "tuned"]
     ((_, (judged,)),) = judge_all({"f": {"trade_off": without_images}}, claims)
@@ -176,18 +165,6 @@ def test_stored_histograms(record):
                 clock[method]["query_ms"]["median"] > 0
                 and clock[method]["frequency_hz"]["median"] > 0
             )
-    assert sweeps._numbers(1_000_000) == [
-        100,
-        300,
-        1000,
-        3000,
-        10_000,
-        30_000,
-        100_000,
-        300_000,
-        1_000_000,
-    ]
-    assert sweeps._numbers(50) == [50]
 
 
 def test_clock():

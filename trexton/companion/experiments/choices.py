@@ -6,8 +6,7 @@ differ. Others become a way that neither took. The record says which (`FLIGHT_CO
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,11 +17,10 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import (
     POSITIONS,
     Experiment,
-    FilterParameters,
+    MapParameters,
     option,
 )
 from trexton.companion.experiments.evaluation import (
-    drawn_histograms,
     errors_of,
     flown,
     frames_of,
@@ -39,7 +37,7 @@ from trexton.vision.textons import TextonDictionary
 # Variants that do what the flight code did; the others are ways that neither it nor the paper took.
 FLIGHT_CODE = frozenset(
     ("sigma_70", "sigma_200", "motion_8", "motion_25", "particles_140", "particles_1000")
-    + ("trace", "winner")
+    + ("winner",)
 )
 # key: (how it reads in a table, options of the localizer)
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
@@ -57,33 +55,10 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "mean": ("weighted mean as the estimate", {"estimation": "mean"}),
     "highest_weight": ("heaviest particle as the estimate", {"estimation": "highest-weight"}),
 }  # fmt: skip
-# The published histograms: about so many random patches an image.
-_PUBLISHED_SAMPLES = 5000
-
-
-# a choice: its key, how it reads in a table, the map, the frames, options of the localizer
-_Variant = tuple[str, str, TextonMap, Sequence[np.ndarray], dict[str, Any]]
-
-
-def with_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
-    """``(N, K)`` histograms of a program that never clears its counts: h'_t = h_t + h'_{t-1} /
-    n.
-    """
-    traced = np.array(histograms, dtype=float)
-    for row in range(1, len(traced)):
-        traced[row] += traced[row - 1] / samples
-    return traced
-
-
-def without_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
-    """The inverse of `with_trace`; the first row stays as it is."""
-    cleared = np.array(histograms, dtype=float)
-    cleared[1:] -= histograms[:-1] / samples
-    return cleared
 
 
 @dataclass(frozen=True)
-class Parameters(FilterParameters):
+class Parameters(MapParameters):
     """What can be chosen."""
 
     repeats: int = option(
@@ -100,18 +75,21 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         ``values["variants"]``: for each variant its label, whether the flight code had it, and the
         mean Euclidean error in cm with its interval; ``paper`` is the method as it stands.
     """
-    texton_map = map_of(train, parameters)
+    texton_map, frames = map_of(train, parameters), frames_of(test)
     common: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
+    changes = {key: (label, texton_map, options) for key, (label, options) in _CHANGES.items()}
+    if test.has_images and train.has_images:
+        learned = _winner_take_all(train, parameters.neighbors, parameters.seed)
+        changes["winner"] = ("winner-take-all dictionary", learned, {})
     variants = {}
-    for key, label, changed, frames, options in _variants(texton_map, train, test, parameters):
-        runs = (
-            flown(train, test, parameters, texton_map=texton_map)
-            if key == "paper"
-            else tracks(
+    for key, (label, changed, options) in changes.items():
+        if key == "paper":
+            runs = flown(train, test, parameters, texton_map=texton_map)
+        else:
+            runs = tracks(
                 changed, frames, repeats=parameters.repeats, seed=parameters.seed,
                 **common | options,
-            )
-        )  # fmt: skip
+            )  # fmt: skip
         variants[key] = {
             "label": label,
             "flight_code": key in FLIGHT_CODE,
@@ -119,27 +97,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         }
     values = {"variants": variants, "order": list(variants)}
     return parameters.record(train, test, values=values)
-
-
-def _variants(
-    texton_map: TextonMap, train: Flight, test: Flight, parameters: Parameters
-) -> Iterator[_Variant]:
-    frames = frames_of(test)
-    for key, (label, options) in _CHANGES.items():
-        yield key, label, texton_map, frames, options
-    if test.has_images and train.has_images:
-        histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
-        traced = list(with_trace(histograms, parameters.samples))
-        yield "trace", "counts never cleared between frames", texton_map, traced, {}
-        learned = _winner_take_all(train, parameters.neighbors, parameters.seed)
-        yield "winner", "winner-take-all dictionary", learned, frames, {}
-    else:
-        cleared = replace(
-            texton_map, histograms=without_trace(texton_map.histograms, _PUBLISHED_SAMPLES)
-        )
-        assert test.histograms is not None  # a flight without images
-        frames = list(without_trace(test.histograms, _PUBLISHED_SAMPLES))
-        yield "trace_removed", "the trace of the frame before removed", cleared, frames, {}
 
 
 def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:

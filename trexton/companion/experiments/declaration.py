@@ -18,7 +18,7 @@ from trexton.companion.provenance import made_by
 from trexton.flights.flight import Flight
 
 __all__ = [
-    "IMAGES", "NEEDS", "POSITIONS", "SURVEYED", "Experiment", "FilterParameters", "MapParameters",
+    "IMAGES", "NEEDS", "POSITIONS", "SURVEYED", "Experiment", "MapParameters",
     "Need", "SeedParameters", "option",
 ]  # fmt: skip
 
@@ -141,21 +141,14 @@ class SeedParameters(Options):
 
 
 @dataclass(frozen=True)
-class FilterParameters(SeedParameters):
-    """With those of the localizer; the defaults are the paper's."""
+class MapParameters(SeedParameters):
+    """With those of a texton map and its localizer; the defaults are the paper's."""
 
     samples: int = option(SAMPLES, "patches drawn from an image", low=1)
     particles: int = option(PARTICLES, "particles of the filter", low=1)
     neighbors: int = option(NEIGHBORS, "neighbours that vote, k", low=1)
+    textons: int = option(TEXTONS, "textons of the dictionary, K", low=2)
 
     def of_the_map(self) -> dict[str, int]:
         """Those that decide about the map."""
-        textons = getattr(self, "textons", TEXTONS)
-        return {"textons": textons, "neighbors": self.neighbors, "seed": self.seed}
-
-
-@dataclass(frozen=True)
-class MapParameters(FilterParameters):
-    """With those of a texton map too."""
-
-    textons: int = option(TEXTONS, "textons of the dictionary, K", low=2)
+        return {"textons": self.textons, "neighbors": self.neighbors, "seed": self.seed}

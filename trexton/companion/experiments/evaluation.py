@@ -11,7 +11,7 @@ import numpy as np
 from trexton.base.cache import cached
 from trexton.base.progress import progress
 from trexton.base.streams import stream
-from trexton.companion.experiments.declaration import FilterParameters
+from trexton.companion.experiments.declaration import MapParameters
 from trexton.companion.experiments.track import ARRAYS, Track, tracks
 from trexton.evaluation.metrics import (
     absolute_errors,
@@ -58,7 +58,7 @@ def trained_map(
 
 
 def map_of(
-    train: Flight, parameters: FilterParameters, positions: np.ndarray | None = None
+    train: Flight, parameters: MapParameters, positions: np.ndarray | None = None
 ) -> TextonMap:
     """`trained_map` with an experiment's parameters."""
     return trained_map(train, positions=positions, **parameters.of_the_map())
@@ -67,7 +67,7 @@ def map_of(
 def flown(
     train: Flight,
     test: Flight,
-    parameters: FilterParameters,
+    parameters: MapParameters,
     method: str = "paper",
     *,
     repeats: int | None = None,
@@ -105,7 +105,7 @@ def flown(
     return [Track(**each, estimates=[]) for each in stored]
 
 
-def method_map(train: Flight, parameters: FilterParameters, method: str) -> TextonMap:
+def method_map(train: Flight, parameters: MapParameters, method: str) -> TextonMap:
     """The map of a method, of the same dictionary and frames as the paper's."""
     rng, located = stream(parameters.seed, "calibration"), train.select(train.located)
     return for_method(map_of(train, parameters), method, flight=located, rng=rng)

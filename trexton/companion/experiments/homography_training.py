@@ -17,7 +17,7 @@ from trexton.companion.experiments.declaration import IMAGES, Experiment, MapPar
 from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.mocap_training import train_and_fly
 from trexton.companion.experiments.mosaic import MosaicParameters, locate_all, stitched_map
-from trexton.companion.experiments.style import COLORS, errors_over_time
+from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.wording import middle, number
 from trexton.evaluation.metrics import euclidean, summarize
 from trexton.evaluation.runtime import of_frames
@@ -66,14 +66,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     position, _ = locate_all(picture, train)
     sources = {"filter": position, "remedy": filtered_positions(position)}
     rng = stream(parameters.seed, "intervals")
-    values: dict[str, Any] = {
-        "remedy_uses": {
-            "median_frames": MEDIAN_FRAMES,
-            "outlier_cm": 100 * OUTLIER_M,
-            "smoothing_frames": SMOOTHING_FRAMES,
-        },
-        "mocap_process_std_cm": _process_std_cm(map_of(train, parameters)),
-    }
+    values: dict[str, Any] = {"mocap_process_std_cm": _process_std_cm(map_of(train, parameters))}
     series: dict[str, Any] = {}
     step_s = []
     for name, positions in sources.items():
@@ -123,11 +116,18 @@ def estimate_errors(record: Record) -> Figure:
     """Absolute error of the localizer over the test flight, trained on either set of positions."""
     series = record.series
     truth = np.array(series["truth_m"])
-    errors = {
-        f"trained on {label}": (color, np.abs(np.array(series[f"{key}_estimate_m"]) - truth))
-        for key, (label, color) in ROWS.items()
-    }
-    return errors_over_time(np.array(series["time_s"]), errors)
+    with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
+        for axis, (plot, name) in enumerate(zip(axes[:, 0], "xy", strict=True)):
+            for key, (label, color) in ROWS.items():
+                error = 100 * np.abs(np.array(series[f"{key}_estimate_m"]) - truth)[:, axis]
+                line: dict[str, Any] = {"color": color, "linewidth": 1.0}
+                plot.plot(series["time_s"], error, label=f"trained on {label}", **line)
+                plot.axhline(error.mean(), linestyle="--", **line)
+            plot.set_ylabel(f"error in {name} (cm)")
+        axes[0, 0].set_ylim(0, None)
+        legend_above(axes[0, 0])
+        axes[1, 0].set_xlabel("time (s)")
+    return figure
 
 
 EXPERIMENT = Experiment(

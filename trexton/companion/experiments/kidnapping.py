@@ -30,13 +30,17 @@ from trexton.localization.estimate import LOST_SHARE, ignorance
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import for_method
 
-# name: method, choices
-FILTERS: dict[str, tuple[str, dict[str, object]]] = {
-    "plain": ("paper", {"recovery": "none"}),
-    "augmented": ("paper", {"recovery": "augmented"}),
-    "field": ("field", {}),
-}
-IN_TIME_S = 3.0
+# name: how it begins a sentence, method, choices, style of its line
+FILTERS: dict[str, tuple[str, str, dict[str, object], dict[str, Any]]] = {
+    "plain": (
+        "The paper's filter", "paper", {"recovery": "none"}, {"color": COLORS["paper"]}
+    ),
+    "augmented": (
+        "With random particles it", "paper", {"recovery": "augmented"},
+        {"color": COLORS["other"], "linestyle": "--"},
+    ),
+    "field": ("The field", "field", {}, {"color": COLORS["field"], "linestyle": "-."}),
+}  # fmt: skip
 SETTLED = 25  # frames, two seconds, in which the filter localizes the vehicle for the first time
 
 
@@ -102,7 +106,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "counts": {"kidnappings": len(plan), "train": len(train), "test": len(test)},
     }
     series = {}
-    for name, (method, choices) in FILTERS.items():
+    for name, (_, method, choices, _) in FILTERS.items():
         if method == "paper":
             choices = choices | {"particles": parameters.particles}
         flown = for_method(texton_map, method, flight=frames)
@@ -172,47 +176,35 @@ def _outcome(
         """Over trials, those of one stretch of the flight taken together."""
         return success_rate(np.bincount(stretches, outcomes).astype(int), np.bincount(stretches))
 
-    names, shares = ("median", "p90", "longest"), (50, 90, 100)
     calm = np.concatenate([trial.error[trial.calm] for trial in trials])
     return {
         "recovered_rate": rate(after < np.inf),
-        "in_time_rate": rate(after <= IN_TIME_S),
-        "recovery_s": dict(zip(names, np.percentile(times, shares), strict=True))
-        if len(times)
-        else None,
+        "recovery_s": {"median": np.percentile(times, 50)} if len(times) else None,
         "undisturbed_error_cm": 100 * calm.mean(),
         "lost": _lost(trials, recovered, tolerance),
     }, list(times)
 
 
 def _lost(trials: list[Trial], recovered: list[int | None], tolerance: float) -> dict[str, Any]:
-    """Shares of frames called lost: of wrong ones until the vehicle is localized again, of
-    undisturbed ones, and of those of them that are right.
+    """Shares of frames called lost: of wrong ones until the vehicle is localized again, and of
+    undisturbed ones that are right.
     """
-    wrong, calm, right = [], [], []
+    wrong, right = [], []
     for trial, frames in zip(trials, recovered, strict=True):
         until = slice(trial.cut, None if frames is None else trial.cut + frames)
         wrong.append(trial.lost[until][trial.error[until] >= tolerance])
-        calm.append(trial.lost[trial.calm])
         right.append(trial.lost[trial.calm][trial.error[trial.calm] < tolerance])
 
     def share(flags: list[np.ndarray]) -> float | None:
         return np.concatenate(flags).mean() if sum(map(len, flags)) else None
 
-    return {
-        "wrong_frames_rate": share(wrong),
-        "wrong_frames": sum(map(len, wrong)),
-        "calm_frames_rate": share(calm),
-        "right_frames_rate": share(right),
-    }
+    return {"wrong_frames_rate": share(wrong), "right_frames_rate": share(right)}
 
 
 def finding(record: Record) -> str:
     """What the experiment found, a sentence a filter."""
-    names = {"plain": "The paper's filter", "augmented": "With random particles it",
-             "field": "The field"}  # fmt: skip
     parts = []
-    for key, name in names.items():
+    for key, (name, *_) in FILTERS.items():
         values = record.values[key]
         rate, after = middle(values["recovered_rate"]), values["recovery_s"]
         text = f"{name} recovers from {'every' if rate == 1 else percent(rate) + ' of the'} "
@@ -226,23 +218,16 @@ def finding(record: Record) -> str:
     return " ".join(parts)
 
 
-_FILTERS = {
-    "plain": ("the paper's filter", COLORS["paper"], "-"),
-    "augmented": ("with random particles", COLORS["other"], "--"),
-    "field": ("the field", COLORS["field"], "-."),
-}
-
-
 def time_to_recover(record: Record) -> Figure:
     """Share of the kidnappings that the filter has recovered from, over time."""
     count, patience = record.values["counts"]["kidnappings"], record.values["patience_s"]
     with canvas(size=(6.4, 3.4)) as (figure, axes):
         plot = axes[0, 0]
-        for name, (label, color, style) in _FILTERS.items():
+        for name, (words, *_, line) in FILTERS.items():
             times = record.series[name]["recovery_s"]
             shares = 100 * np.array([*range(len(times) + 1), len(times)]) / count
-            line = {"color": color, "linestyle": style, "label": label}
-            plot.step([0, *times, patience], shares, where="post", **line)
+            label = words.removesuffix(" it")
+            plot.step([0, *times, patience], shares, where="post", label=label, **line)
         plot.set(xlim=(0, patience), ylim=(0, 102))
         plot.set(xlabel="time since the kidnapping (s)", ylabel="recovered (%)")
         legend_above(plot)

@@ -18,16 +18,14 @@ from trexton.companion.experiments.declaration import POSITIONS, Experiment, Map
 from trexton.companion.experiments.evaluation import evenly_spread, floor_picture, frames_of, map_of
 from trexton.companion.experiments.style import (
     COLORS,
-    band,
     canvas,
     floor_axes,
-    legend_below,
     length_unit,
     show_floor,
 )
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import number
-from trexton.evaluation.metrics import block_rows, bootstrap_interval, euclidean
+from trexton.evaluation.metrics import euclidean
 from trexton.evaluation.suitability import (
     cosine_similarity,
     heat_map,
@@ -41,7 +39,6 @@ from trexton.localization.training_set import EXCLUDED_SECONDS
 
 AUTHORS = 0.8  # sigma in metres
 PAIRED_FRAMES = 1000  # at most so many, evenly spaced, where all pairs are compared
-GROUPS = 10
 
 
 @dataclass(frozen=True)
@@ -79,7 +76,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     rng = stream(parameters.seed, "parts")
     prediction = {"correlation": rank_correlation(losses, errors, rng=rng)}
     options = {"samples": parameters.samples, "particles": parameters.particles}
-    in_flight, groups = _in_flight(texton_map, test, losses, sigma, options, parameters.seed)
+    prediction |= _in_flight(texton_map, test, losses, sigma, options, parameters.seed)
     floor, pictures = floor_picture(train)
     return parameters.record(
         train,
@@ -87,7 +84,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         values={
             "global_loss": losses.mean(),
             "similarity": _similarity(histograms, positions, parameters.seed),
-            "prediction": prediction | in_flight,
+            "prediction": prediction,
             "sigma": {
                 "used_m": sigma,
                 "rank_correlation": rank_correlation(
@@ -108,7 +105,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 "error_m": heat_map(errors, positions, train.area, sigma).round(5),
                 "extent_m": train.area,
             },
-            "groups": {"train_knn": _grouped(losses, errors, parameters.seed)} | groups,
             **floor,
         },
         images=pictures,
@@ -135,8 +131,8 @@ def _in_flight(
     sigma: float,
     options: dict[str, Any],
     seed: int,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Correlations and groups of another flight: the smoothed loss of each place, its errors."""
+) -> dict[str, Any]:
+    """Correlations of another flight: the smoothed loss of each place, its errors."""
     expected = smooth(losses, texton_map.positions, test.position, sigma)
     track = fly(Localizer(texton_map, rng=stream(seed, "flight"), **options), frames_of(test))
     errors = {
@@ -144,32 +140,7 @@ def _in_flight(
         "test_filter": track.errors(test.position),
     }
     rng = stream(seed, "unseen")
-    values = {name: rank_correlation(expected, wrong, rng=rng) for name, wrong in errors.items()}
-    return values, {name: _grouped(expected, wrong, seed) for name, wrong in errors.items()}
-
-
-def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict[str, Any]]:
-    """Mean error in cm in tenths of the frames by rising loss, intervals over stretches of the
-    flight.
-    """
-    order = np.argsort(losses, kind="stable")
-    group = np.empty(len(order), dtype=np.int64)
-    group[order] = np.arange(len(order)) * GROUPS // len(order)
-    rng = stream(seed, "groups")
-
-    def means(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        with np.errstate(invalid="ignore"):
-            return np.bincount(group[rows], values[rows], GROUPS) / np.bincount(
-                group[rows], minlength=GROUPS
-            )
-
-    drawn = [means(100 * errors, block_rows(len(errors), rng)) for _ in range(400)]
-    low, high = bootstrap_interval(drawn, len(errors))
-    loss, error = (means(values, np.arange(len(order))) for values in (losses, 100 * errors))
-    return [
-        {"loss": loss[i], "error_cm": {"value": error[i], "low": low[i], "high": high[i]}}
-        for i in range(GROUPS)
-    ]
+    return {name: rank_correlation(expected, wrong, rng=rng) for name, wrong in errors.items()}
 
 
 def usual_sigma(diagonal: float) -> float:
@@ -218,34 +189,6 @@ def heat_maps(record: Record) -> Figure:
             plan.plot(*positions.T, ".", color=COLORS["truth"], markersize=1.2, alpha=0.6)
             plan.set_title(title)
         axes[0, 1].set_ylabel("")
-    return figure
-
-
-def errors_by_loss(record: Record) -> Figure:
-    """Mean error in tenths of the frames, ordered by loss: one that predicts gives rising lines."""
-    lines = (
-        ("train_knn", "training frames, k-NN without the frame", COLORS["neighbors"], "o--"),
-        ("test_knn", "test flight, k-NN", COLORS["neighbors"], "s-"),
-        ("test_filter", "test flight, particle filter", COLORS["paper"], "^-"),
-    )
-    unit, scale = length_unit(float(np.median(record.series["error_m"])))
-    with canvas(size=(6.4, 3.6)) as (figure, axes):
-        plot = axes[0, 0]
-        for key, label, color, stroke in lines:
-            rows = record.series["groups"][key]
-            # A tenth of very few frames may hold none: its numbers are missing.
-            loss = np.array([row["loss"] for row in rows], dtype=float)
-            error = {
-                name: scale / 100 * np.array([row["error_cm"][name] for row in rows], dtype=float)
-                for name in ("value", "low", "high")
-            }
-            band(
-                plot, loss, error["low"], error["value"], error["high"], color=color,
-                marker=stroke[0], linestyle=stroke[1:], markersize=4, label=label,
-            )  # fmt: skip
-        plot.set(xlabel="loss of the frame or its place", ylabel=f"Euclidean error ({unit})")
-        plot.set_ylim(0, None)
-        legend_below(plot, 0.2)
     return figure
 
 

@@ -24,7 +24,6 @@ from trexton.companion.experiments.evaluation import (
 )
 from trexton.companion.experiments.style import (
     COLORS,
-    errors_over_time,
     legend_below,
     plan_canvas,
 )
@@ -38,8 +37,6 @@ from trexton.evaluation.metrics import (
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
-
-LANDING_SPREAD_M = 0.6  # the paper's threshold: no landing where the particles spread wider
 
 
 @dataclass(frozen=True)
@@ -62,7 +59,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     texton_map, runs, values, series = train_and_fly(train, test, parameters)
     floor, pictures = floor_picture(test)
     rank_std_cm = 100 * texton_map.parts["measurement"].deviations
-    process = texton_map.parts["motion"].growth(texton_map.period_s)
     values |= {
         "drift_cm_per_min": drift(runs, test, rng=stream(parameters.seed, "drift")),
         "counts": {
@@ -70,13 +66,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "test": len(test),
             "test_s": test.time[-1] - test.time[0],
             "textons": texton_map.histograms.shape[1],
-            "lost": np.mean([run.lost.sum() for run in runs]),
         },
         "spread": _spread(runs, test, stream(parameters.seed, "spread")),
         "lag": lag(runs, test),
         "model": {
-            "process_std_cm": 100 * np.sqrt(np.diagonal(process)),
-            "rank_std_cm": rank_std_cm,
             "first_rank_std_cm": rank_std_cm[0].mean(),
             "last_rank_std_cm": rank_std_cm[-1].mean(),
         },
@@ -136,13 +129,10 @@ def _spread(
         for _ in range(draws)
     ]
     low, high = bootstrap_interval(drawn, len(test))
-    widest = np.array([run.spread.max(axis=1) for run in runs])
     return {
         "within_one": (ratio <= 1).mean(),
         "within_two": {"value": (ratio <= 2).mean(), "low": low, "high": high},
         "mean_cm": 100 * np.mean([run.spread for run in runs]),
-        "landing_threshold_cm": 100 * LANDING_SPREAD_M,
-        "frames_wider_than_landing": np.mean((widest >= LANDING_SPREAD_M).sum(axis=1)),
     }
 
 
@@ -173,17 +163,6 @@ def floor_plan(record: Record) -> Figure:
         plan.plot(*estimate[::5].T, "o", color=color, markersize=3, label=label)
         legend_below(plan, 0.12, columns=2)
     return figure
-
-
-def error_over_time(record: Record) -> Figure:
-    """Absolute error in x and y over the flight, of filter and k-NN alone, with their means."""
-    series = record.series
-    truth = np.array(series["truth_m"])
-    rows = (("knn_m", "k-NN alone", "neighbors"), ("estimate_m", "particle filter", "paper"))
-    errors = {
-        label: (COLORS[color], np.abs(np.array(series[key]) - truth)) for key, label, color in rows
-    }
-    return errors_over_time(np.array(series["time_s"]), errors)
 
 
 EXPERIMENT = Experiment(

@@ -15,11 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
-from trexton.base.errors import FlightError
 from trexton.base.progress import progress
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
+from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters
 from trexton.companion.experiments.evaluation import floor_picture, map_of
 from trexton.companion.experiments.style import (
     COLORS,
@@ -41,21 +40,15 @@ from trexton.vision.images import bgr_from_yuv, gather_patches, sample_positions
 class Parameters(MapParameters):
     """What can be chosen."""
 
-    frame: int | None = option(None, "number of the frame shown; None: that of the median error")
-
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Localize all frames of a flight and keep, of one, all that a picture of the method needs.
+    """Localize all frames of a flight and keep, of the one with the median error, all that a
+    picture of the method needs.
 
     Parameters
     ----------
     train, test : Flight
         With images.
-
-    Raises
-    ------
-    FlightError
-        The flight has no such frame, or no images.
     """
     texton_map = map_of(train, parameters)
     rng = stream(parameters.seed, "flight", 0)
@@ -67,10 +60,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         states.append(rng.bit_generator.state)
         estimates.append(localizer.step(image))
     errors = euclidean(np.array([each.position for each in estimates]), test.position)
-    if parameters.frame is None:
-        row = int(np.argsort(errors, kind="stable")[(len(errors) - 1) // 2])  # the lower median
-    else:
-        row = _row(test, parameters.frame)
+    row = int(np.argsort(errors, kind="stable")[(len(errors) - 1) // 2])  # the lower median
     image, estimate = test.image(row), estimates[row]
     rng.bit_generator.state = states[row]  # the patches of this frame are drawn once more
     patch = texton_map.alphabet.patch
@@ -109,25 +99,14 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _row(flight: Flight, frame: int) -> int:
-    rows = np.flatnonzero(flight.frame == frame)
-    if not len(rows):
-        raise FlightError(
-            f"flight {flight.name!r} has no frame {frame}: "
-            f"choose one from {flight.frame[0]} to {flight.frame[-1]}, or None"
-        )
-    return int(rows[0])
-
-
 def finding(record: Record) -> str:
     """What the experiment found, in two sentences."""
     values = record.values
-    typical = ", that of the median error," if record.parameters["frame"] is None else ""
-    count = len(values["neighbors"]["frame"])
+    count, spread = len(values["neighbors"]["frame"]), np.hypot(*values["spread_cm"])
     voted = "Its nearest training frame" if count == 1 else f"The mean of its {count} neighbours"
     return (
-        f"At frame {values['frame']}{typical} the filter is {distance(values['error_cm'])} off, "
-        f"and its spread is {distance(np.hypot(*values['spread_cm']))}. {voted} is "
+        f"At frame {values['frame']}, that of the median error, the filter is "
+        f"{distance(values['error_cm'])} off, and its spread is {distance(spread)}. {voted} is "
         f"{distance(values['neighbors_error_cm'])} off."
     )
 
@@ -137,18 +116,37 @@ _MARK: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.8, "li
 
 def pipeline(record: Record) -> Figure:
     """Image and patches, histogram; the places of the neighbours, particles and estimate."""
-    steps = (
-        ("Image, {samples} random patches", _image),
-        ("Texton histogram", _histogram),
-        ("Where the {neighbors} neighbours were taken", _neighbors),
-        ("{particles} particles, estimate {error_cm:.0f} cm off", _particles),
-    )
+    series, error_cm = record.series, record.values["error_cm"]
     with canvas(2, 2, size=(7.2, 6.6), height_ratios=(0.8, 1)) as (figure, axes):
-        for number, (axis, (title, draw)) in enumerate(zip(axes.flat, steps, strict=True), start=1):
-            draw(axis, record)
-            title = title.format(**record.parameters | {"error_cm": record.values["error_cm"]})
-            axis.set_title(f"{number}  {title}", fontsize=10)
-        axes[1, 1].set_ylabel("")
+        (image, histogram), (neighbors, particles) = axes
+        _image(image, record)
+        _histogram(histogram, record)
+        places = np.transpose(series["neighbors_m"])
+        disc: dict[str, Any] = {"color": COLORS["neighbors"], "markersize": 10, **_MARK}
+        neighbors.plot(*places, "o", label="neighbours", **disc)
+        (x, y), weights = np.array(series["particles_m"]).T, np.array(series["weights"])
+        look: dict[str, Any] = {"color": COLORS["particles"], "edgecolors": "white"}
+        sizes = 6 + 110 * weights / weights.max()
+        particles.scatter(
+            x, y, s=sizes, alpha=0.7, linewidths=0.5, label="particles, size by weight", **look
+        )
+        estimate: dict[str, Any] = {"color": COLORS["paper"], "markersize": 9, "zorder": 3}
+        particles.plot(*series["estimate_m"], "o", label="estimate", **estimate, **_MARK)
+        for plan in (neighbors, particles):
+            floor_axes(plan, series["area_m"])
+            show_floor(plan, series.get("floor"), record.images.get("floor"))
+            truth: dict[str, Any] = {"color": COLORS["truth"], "markersize": 10, "label": "truth"}
+            plan.plot(*series["truth_m"], "X", **truth, **_MARK)
+            legend_below(plan, 0.16, columns=3)
+        particles.set_ylabel("")
+        titles = (
+            "Image, {samples} random patches",
+            "Texton histogram",
+            "Where the {neighbors} neighbours were taken",
+            f"{{particles}} particles, estimate {error_cm:.0f} cm off",
+        )
+        for number, (axis, title) in enumerate(zip(axes.flat, titles, strict=True), start=1):
+            axis.set_title(f"{number}  {title.format(**record.parameters)}", fontsize=10)
     return figure
 
 
@@ -189,42 +187,6 @@ def _histogram(axes: Axes, record: Record) -> None:
     bare(pictures)
     axes.grid(False, axis="x")
     axes.set(ylabel="frequency (%)")
-
-
-def _plan(axes: Axes, record: Record) -> None:
-    """The floor, and where the frame was taken."""
-    floor_axes(axes, record.series["area_m"])
-    show_floor(axes, record.series.get("floor"), record.images.get("floor"))
-    truth: dict[str, Any] = {"color": COLORS["truth"], "markersize": 10, "label": "truth"}
-    axes.plot(*record.series["truth_m"], "X", **truth, **_MARK)
-
-
-def _neighbors(axes: Axes, record: Record) -> None:
-    _plan(axes, record)
-    places = record.series["neighbors_m"]
-    disc: dict[str, Any] = {"color": COLORS["neighbors"], "markersize": 10, **_MARK}
-    # The nearest on top, each number with its own disc; dark on their colour in either theme.
-    digit: dict[str, Any] = {"color": "#111111", "fontsize": 7.5, "fontweight": "bold"}
-    for rank, place in enumerate(places, start=1):
-        label, level = ("neighbours" if rank == 1 else None), 4 - rank / 100
-        axes.plot(*place, "o", label=label, zorder=level, **disc)
-        if len(places) <= 9:
-            axes.annotate(
-                str(rank), place, ha="center", va="center_baseline", zorder=level + 0.005, **digit
-            )
-    legend_below(axes, 0.16, columns=2)
-
-
-def _particles(axes: Axes, record: Record) -> None:
-    series = record.series
-    (x, y), weights = np.array(series["particles_m"]).T, np.array(series["weights"])
-    look: dict[str, Any] = {"color": COLORS["particles"], "edgecolors": "white", "linewidths": 0.5}
-    sizes = 6 + 110 * weights / weights.max()
-    axes.scatter(x, y, s=sizes, alpha=0.7, label="particles, size by weight", **look)
-    _plan(axes, record)
-    estimate: dict[str, Any] = {"color": COLORS["paper"], "markersize": 9, "label": "estimate"}
-    axes.plot(*series["estimate_m"], "o", **estimate, **_MARK)
-    legend_below(axes, 0.16, columns=3)
 
 
 EXPERIMENT = Experiment(

@@ -15,7 +15,6 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.text import Annotation
 from matplotlib.ticker import LogLocator, NullLocator
 
 from trexton.base.records import Record
@@ -239,42 +238,3 @@ def label_ends(axes: Axes, apart: float = 0.075) -> None:
             textcoords="offset points", color=line.get_color(), fontsize=9, va="center",
             annotation_clip=False,
         )  # fmt: skip
-
-
-def mean_line(axes: Axes, values: np.ndarray, color: str, unit: str) -> None:
-    """A dashed line at the mean, its value at its right end, clear of the one drawn before it."""
-    mean = float(np.mean(values))
-    axes.axhline(mean, color=color, linestyle="--", linewidth=1.0)
-    before = [text for text in axes.texts if isinstance(text, Annotation)]
-    label = axes.annotate(
-        f"mean {mean:.0f} {unit}", (1, mean), xycoords=("axes fraction", "data"), xytext=(4, 0),
-        textcoords="offset points", color=color, fontsize=8.5, va="center", annotation_clip=False,
-    )  # fmt: skip
-    if before:
-        lower, upper = sorted((label, before[-1]), key=lambda text: text.xy[1])
-        lower.set_verticalalignment("top")
-        upper.set_verticalalignment("bottom")
-
-
-def errors_over_time(time: np.ndarray, errors: Mapping[str, tuple[str, np.ndarray]]) -> Figure:
-    """Absolute errors in x and in y over a flight, a panel each, with their means.
-
-    Parameters
-    ----------
-    time : (N,) array
-        Seconds.
-    errors : mapping
-        Label to colour and ``(N, 2)`` metres.
-    """
-    unit, scale = length_unit(min(float(error.mean()) for _, error in errors.values()))
-    with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
-        for axis, (plot, name) in enumerate(zip(axes[:, 0], "xy", strict=True)):
-            for label, (color, error) in errors.items():
-                values = scale * error[:, axis]
-                plot.plot(time, values, color=color, label=label, linewidth=1.0)
-                mean_line(plot, values, color, unit)
-            plot.set_ylabel(f"error in {name} ({unit})")
-        axes[0, 0].set_ylim(0, None)
-        legend_above(axes[0, 0])
-        axes[1, 0].set_xlabel("time (s)")
-    return figure

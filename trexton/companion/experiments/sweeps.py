@@ -6,7 +6,6 @@ A `Bench` holds the map and the decoded test flight that all of them share.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import product
@@ -41,6 +40,7 @@ _TIMED_FULL = 40  # frames are enough to time full sampling
 _SLOW = {"samples": 1600, "particles": 400}  # beyond these a third of the runs will do
 GRID = {"particles": (50, 400), "neighbors": (1, 3, 5, 10)}
 _CHOSEN = ("samples", "particles", "neighbors")
+STORED = (100, 300, 1000, 3000, 10_000, 30_000, 100_000, 300_000)
 _TIMED_STORED = 12  # frames timed for each number of stored histograms
 
 
@@ -111,8 +111,19 @@ class Bench:
             )
         return result
 
-    def summary(self, estimates: list[np.ndarray]) -> dict[str, Any]:
-        """Statistics of several runs over the test flight."""
+    def errors(self, setting: dict[str, Any]) -> dict[str, Any]:
+        """Statistics of several runs over the test flight, of patches drawn once for each run."""
+        if setting == self.defaults:
+            return errors_of(self.quoted, self.test, self.seed)
+        options = {key: setting[key] for key in ("particles", "neighbors")}
+        estimates = []
+        for run in range(max(3, self.repeats // 3)):
+            frames = self.full
+            if setting["samples"] is not None:
+                drawn = {"n": setting["samples"], "rng": stream(self.seed, "samples", run)}
+                frames = [sampled_histogram(i, self.map.alphabet, **drawn) for i in self.frames]
+            localizer = Localizer(self.wide, rng=stream(self.seed, "flight", run), **options)
+            estimates.append(fly(localizer, frames).position)
         rng = stream(self.seed, "intervals")
         return summarize(estimates, self.test.position, self.test.diagonal, rng=rng, draws=400)
 
@@ -137,66 +148,35 @@ class Bench:
         return setting["samples"] or every
 
 
-def search_settings(bench: Bench) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Try a grid of settings on the test flight, with the default samples and with full sampling.
-
-    Runs of different particles and neighbours share their random samples, drawn once for each run.
+def choose_setting(bench: Bench) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Replay the training flight with a grid of settings, and fly the best over the test flight.
 
     Returns
     -------
     grid : list of dict
-        Every setting with its mean absolute error over both axes.
+        Every setting, with the mean absolute error over both axes in its replay.
     tuned : dict
-        Of the setting whose replay has the least error: ``tuned_setting``, ``tuned`` with its
-        statistics and ``tuned_error_cm``, which is None where the training flight is too short to
-        be replayed.
+        ``tuned_setting``, ``tuned`` with its statistics over the test flight, and
+        ``tuned_error_cm``, which is None where the training flight is too short to be replayed.
     """
-    runs, samples = max(3, bench.repeats // 3), bench.defaults["samples"]
-    flights: dict[int | None, list[list[np.ndarray]]] = {None: [bench.full] * runs}
-    if bench.test.has_images:
-        rngs = [stream(bench.seed, "samples", i) for i in range(runs)]
-        sampled = partial(sampled_histogram, dictionary=bench.map.alphabet, n=samples)
-        drawn = [[sampled(image, rng=rng) for image in bench.frames] for rng in rngs]
-        flights = {samples: drawn} | flights
+    drawn = (bench.defaults["samples"], None) if bench.test.has_images else (None,)
     counts = [k for k in GRID["neighbors"] if k <= bench.wide.neighbors]
     settings = [
         dict(zip(_CHOSEN, chosen, strict=True))
-        for chosen in product(flights, GRID["particles"], counts)
+        for chosen in product(drawn, GRID["particles"], counts)
     ]
-    tried = spread(partial(_tried, bench.wide, flights, bench.seed), settings, "settings")
-    summaries = [bench.summary(estimates) for estimates, _ in tried]
-    if bench.defaults in settings:
-        summaries[settings.index(bench.defaults)] = errors_of(bench.quoted, bench.test, bench.seed)
-    grid = [
-        setting | {"axis_mean_cm": summary["axis_mean_cm"]}
-        for setting, summary in zip(settings, summaries, strict=True)
-    ]
-    replayed = [error for _, error in tried if error is not None]
-    if len(replayed) < len(grid):
-        return grid, {"tuned_error_cm": None}
-    grid = [row | {"replayed_cm": error} for row, error in zip(grid, replayed, strict=True)]
-    best = int(np.argmin(replayed))
-    return grid, {
-        "tuned": summaries[best],
-        "tuned_error_cm": grid[best]["axis_mean_cm"],
-        "tuned_setting": settings[best],
-    }
+    replayed = spread(partial(_replayed, bench.wide, bench.seed), settings, "settings")
+    if None in replayed:
+        return [], {"tuned_error_cm": None}
+    best = settings[int(np.argmin(replayed))]
+    tuned = bench.errors(best)
+    return [
+        setting | {"replayed_cm": error} for setting, error in zip(settings, replayed, strict=True)
+    ], {"tuned": tuned, "tuned_error_cm": tuned["axis_mean_cm"], "tuned_setting": best}
 
 
-def _tried(
-    texton_map: TextonMap,
-    flights: Mapping[int | None, list[list[np.ndarray]]],
-    seed: int,
-    setting: dict[str, Any],
-) -> tuple[list[np.ndarray], float | None]:
-    """Estimates of each run over the test flight; the mean absolute error over both axes in the
-    replay of the training flight in cm, None where that is too short.
-    """
-    options = {key: setting[key] for key in ("particles", "neighbors")}
-    estimates = [
-        fly(Localizer(texton_map, rng=stream(seed, "flight", i), **options), frames).position
-        for i, frames in enumerate(flights[setting["samples"]])
-    ]
+def _replayed(texton_map: TextonMap, seed: int, setting: dict[str, Any]) -> float | None:
+    """Error in the replay in cm, None where the training flight is too short."""
     choices = {
         "measurement.neighbors": setting["neighbors"],
         "filter.particles": setting["particles"],
@@ -205,8 +185,8 @@ def _tried(
         tuned, rng = with_choices(texton_map, choices), stream(seed, "replay")
         errors = replayed_errors(tuned, samples=setting["samples"], rng=rng)
     except MapError:  # too short to leave parts of it out
-        return estimates, None
-    return estimates, 100 * float(np.abs(errors).mean())
+        return None
+    return 100 * float(np.abs(errors).mean())
 
 
 def multiplied(
@@ -242,7 +222,8 @@ def time_stored(bench: Bench, most: int) -> list[dict[str, Any]]:
     looking = localizer()
     asked = [looking.observe(frame) for frame in frames]
     clocks = []
-    for count in progress(_numbers(most), "stored histograms"):
+    counts = [*(count for count in STORED if count < most), most]
+    for count in progress(counts, "stored histograms"):
         clock: dict[str, Any] = {"stored": count}
         for method, search in (("brute", NearestHistograms), ("tree", TreeSearch)):
             store = search(crowd[:count], places[:count], k=bench.map.neighbors)
@@ -251,11 +232,6 @@ def time_stored(bench: Bench, most: int) -> list[dict[str, Any]]:
             clock[method] = {"query_ms": query_ms, "frequency_hz": frequency(step_ms)}
         clocks.append(clock)
     return clocks
-
-
-def _numbers(most: int) -> list[int]:
-    """100, 300, 1000, ... and `most`."""
-    return [*(n for power in range(2, 9) for n in (10**power, 3 * 10**power) if n < most), most]
 
 
 def _timed(store: NearestHistograms, histogram: np.ndarray) -> float:

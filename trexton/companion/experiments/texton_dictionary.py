@@ -1,12 +1,11 @@
 """The texton dictionary (paper, Methods, "Texton Dictionary Generation"): its textons, how well
-they fit, where they occur.
+they fit.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -30,12 +29,10 @@ class Parameters(SeedParameters):
     textons: int = option(TEXTONS, "textons of the dictionary, K", low=2)
     images: int = option(100, "training images that patches are drawn from", low=1)
     patches_per_image: int = option(1000, "patches drawn from each", low=1)
-    cells: int = option(12, "the floor is looked at in cells x cells squares", low=1)
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Learn the dictionary of a flight, and see how often and where on the floor each texton
-    occurs.
+    """Learn the dictionary of a flight, and see how often each texton occurs.
 
     Parameters
     ----------
@@ -48,9 +45,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     dictionary = TextonDictionary.learn(patches, parameters.textons, rng=rng)
     texton_map = trained_map(train, textons=parameters.textons, seed=parameters.seed)
     frequency = texton_map.histograms.mean(axis=0)
-    places = place_frequencies(
-        texton_map.histograms, texton_map.positions, train.area, parameters.cells
-    )
     return parameters.record(
         train, test,
         values={
@@ -60,27 +54,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "frequency": frequency,
             "fit": _fit(dictionary, patches),
         },
-        series={"place_frequency": places, "area_m": train.area},
         images={"textons": texton_strip(dictionary)},
     )  # fmt: skip
-
-
-def place_frequencies(
-    histograms: np.ndarray, positions: np.ndarray, area: Any, cells: int
-) -> np.ndarray:
-    """``(K, cells, cells)``: mean frequency of each texton over the frames of each square, NaN
-    without any.
-
-    Rows go with y, columns with x, from the lower left corner of `area`.
-    """
-    x_min, x_max, y_min, y_max = area
-    scaled = (positions - (x_min, y_min)) / (x_max - x_min, y_max - y_min)
-    column, row = np.clip((scaled * cells).astype(int), 0, cells - 1).T
-    place = row * cells + column
-    count = np.bincount(place, minlength=cells**2)
-    total = np.array([np.bincount(place, weights, minlength=cells**2) for weights in histograms.T])
-    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
-    return mean.reshape(-1, cells, cells)
 
 
 def _fit(dictionary: TextonDictionary, patches: np.ndarray) -> dict[str, float]:
@@ -128,37 +103,6 @@ def textons(record: Record) -> Figure:
             if index < len(pictures):
                 axis.imshow(pictures[index])
                 axis.set_xlabel(f"{index}:  {frequency[index]:.1f} %", fontsize=8.5, labelpad=2)
-    return figure
-
-
-def places(record: Record) -> Figure:
-    """Frequency of each texton over the floor, each on its own scale from zero to its largest."""
-    maps = np.array(record.series["place_frequency"], dtype=float)
-    pictures, columns = tiles(record), min(5, len(maps))
-    rows = -(-len(maps) // columns)
-    x_min, x_max, y_min, y_max = record.series["area_m"]
-    height = 1.62 * rows * (y_max - y_min) / (x_max - x_min)
-    size = (7.2, min(height, 12))
-    with canvas(rows, columns, size=size, sharex=True, sharey=True) as (figure, axes):
-        for axis in axes.flat[len(maps) :]:
-            axis.set_axis_off()
-        for index, (axis, shares) in enumerate(zip(axes.flat, 100 * maps, strict=False)):
-            top = np.nanmax(shares)
-            axis.imshow(
-                shares, origin="lower", extent=(x_min, x_max, y_min, y_max), cmap="cividis",
-                vmin=0, vmax=top or 1, label="frequency (%)",
-            )  # fmt: skip
-            axis.set_facecolor("#eeeeee")
-            axis.grid(False)
-            title = f"{index}   up to {top:.2g} %"
-            axis.set_title(title, fontsize=8, loc="right", weight="normal")
-            icon = axis.inset_axes((0, 1.02, 0.16, 0.16))
-            icon.imshow(pictures[index])
-            bare(icon)
-        for axis in axes[-1]:
-            axis.set_xlabel("x (m)")
-        for axis in axes[:, 0]:
-            axis.set_ylabel("y (m)")
     return figure
 
 

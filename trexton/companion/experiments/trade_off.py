@@ -27,7 +27,7 @@ from trexton.companion.experiments.style import (
     legend_below,
     plain_log_ticks,
 )
-from trexton.companion.experiments.sweeps import SWEPT, Bench, Sweep, search_settings, time_stored
+from trexton.companion.experiments.sweeps import SWEPT, Bench, Sweep, choose_setting, time_stored
 from trexton.companion.experiments.track import Track
 from trexton.companion.wording import interval, middle, number
 from trexton.evaluation.metrics import absolute_errors, block_rows, bootstrap_interval
@@ -62,7 +62,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     bench = Bench(train, test, parameters, parameters.repeats)
     sweeps = {name: bench.sweep(name) for name in SWEPT if name != "samples" or test.has_images}
     values, timings = _headlines(sweeps, bench)
-    grid, tuned = search_settings(bench)
+    grid, tuned = choose_setting(bench)
     clocks = time_stored(bench, parameters.stored)
     return parameters.record(
         train,

@@ -165,16 +165,12 @@ def first_flights(record: Record) -> Figure:
             axes.label_outer()
             if beyond is not None:
                 outcome = "inside" if beyond <= 0 else f"{beyond:.0f} cm outside"
-                lag = np.transpose((truth[number], estimate[number]))
-                axes.plot(*lag, color=COLORS["truth"], lw=0.8, ls=":")
-                for place, marker, area, color, label in (
-                    (estimate, "X", 46, COLORS["paper"], "estimate at the trigger"),
-                    (truth, "s", 26, COLORS["truth"], "truth at the trigger"),
+                for place, mark, color, label in (
+                    (estimate, "X", COLORS["paper"], "estimate at the trigger"),
+                    (truth, "s", COLORS["truth"], "truth at the trigger"),
                 ):
-                    axes.scatter(
-                        *place[number], marker=marker, s=area, color=color, label=label,
-                        edgecolors="white", linewidths=0.7, zorder=5,
-                    )  # fmt: skip
+                    line = {"color": color, "markeredgecolor": "white", "linestyle": "none"}
+                    axes.plot(*place[number], mark, label=label, **line)
                 label = f"touchdown {'inside' if beyond <= 0 else 'outside'}"
                 landed(axes, touchdown[number, None], COLORS["truth"], label, inside=beyond <= 0)
             axes.set_title(f"{number + 1}: {outcome}", fontsize=9)
