@@ -23,7 +23,7 @@ from trexton.flights import write_flight
 OUTCOMES = [
     Outcome("room", "mocap_training", "ran", ("its code changed",), 2.0),
     Outcome("room", "map_loss", "reused", ("nothing changed",)),
-    Outcome("room", "overview", "skipped", ("it needs images",)),
+    Outcome("room", "map_loss", "skipped", ("it needs images",)),
 ]
 
 
@@ -144,9 +144,9 @@ def test_report_makes_its_book_of_the_pages_that_were_asked_for(tmp_path, monkey
     def stand_in(pairs, out, *, only, **_):
         assert pairs[0].test_flight == str(tmp_path / "other")
         if only != ["assessment"]:
-            assert "overview" in only and "assessment" not in only
+            assert "map_loss" in only and "assessment" not in only
             assert "always guessing the centre" in capsys.readouterr().out  # the verdict first
-            return [Outcome(pairs[0].name, "overview", "failed")]
+            return [Outcome(pairs[0].name, "map_loss", "failed")]
         assessment.run(train, test, assessment.Parameters()).save(out / pairs[0].name)
         return [Outcome(pairs[0].name, "assessment", "reused")]
 

@@ -143,8 +143,8 @@ def test_floors_are_flown_first_and_kept(tmp_path):
 
 
 def test_a_cell_that_fails_costs_only_itself(flight, tmp_path, capsys):
-    plan = SweepPlan("overview", {"frame": [None, 10**6]}, [FlightPair(flight)])
-    with pytest.raises(ParameterError, match="overview cannot run: small has no images"):
+    plan = SweepPlan("texton_dictionary", {"textons": [6, 8]}, [FlightPair(flight)])
+    with pytest.raises(ParameterError, match="texton_dictionary cannot run: small has no images"):
         sweep(plan, tmp_path / "out")
     settings = SETTINGS | {"neighbors": [2, 10**6], "seed": [1]}
     plan = SweepPlan("mocap_training", settings, [FlightPair(flight)])

@@ -40,8 +40,8 @@ def test_every_way_to_import_is_understood(tmp_path):
 
 
 def test_a_notebook_that_is_no_text_is_named(tmp_path):
-    (tmp_path / "overview.md").write_bytes("grün".encode("latin-1"))
-    with pytest.raises(TrextonError, match="overview.md: not a text file .*: write it as UTF-8"):
+    (tmp_path / "timing.md").write_bytes("grün".encode("latin-1"))
+    with pytest.raises(TrextonError, match="timing.md: not a text file .*: write it as UTF-8"):
         find_notebooks(tmp_path, EXPERIMENTS)
 
 

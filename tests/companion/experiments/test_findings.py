@@ -147,7 +147,7 @@ def test_kidnapping():
     assert text.endswith("after 0.08 s in the median.")
 
 
-def test_dictionary_and_mosaic_and_overview():
+def test_dictionary_and_mosaic():
     values = {"fit": {"error": 11.9, "effective": 16.7}, "patches": 100_000}
     text = found("texton_dictionary", values, parameters={"textons": 20})
     assert "11.9 grey levels from its nearest texton" in text
@@ -156,16 +156,6 @@ def test_dictionary_and_mosaic_and_overview():
     values["frame_position_error_cm"] = {"median": 0.53, "p95": 1.22}
     text = found("mosaic", values)
     assert "positions of 12." in text and "0.53 cm off" in text
-
-
-def test_the_overview_names_the_filter_and_its_neighbours():
-    values = {"frame": 145, "error_cm": 84.4, "spread_cm": [12, 16]}
-    values |= {"neighbors_error_cm": 40.2, "neighbors": {"frame": [7, 8, 9]}}
-    text = found("overview", values)
-    assert "84.4 cm off" in text and "The mean of its 3 neighbours is 40.2 cm off" in text
-    assert "that of the median error" in text and "spread is 20 cm" in text
-    text = found("overview", values | {"neighbors": {"frame": [7]}})
-    assert "Its nearest training frame is 40.2 cm" in text
 
 
 def test_times_and_stages():

@@ -49,8 +49,8 @@ def test_fixes_on_the_true_floor_are_right(flights):
 
 def test_the_mosaic_record_says_what_the_mosaic_is(flights):
     train, _ = flights
-    record = mosaic.run(train, train, mosaic.Parameters(anchors=6))
-    stitched = stitched_map(train, 6)  # from the cache
+    record = mosaic.run(train, train, mosaic.Parameters())
+    stitched = stitched_map(train)  # from the cache
     assert record.values["used"] == stitched.used.sum() and record.values["links"] == len(
         stitched.links
     )
@@ -62,7 +62,7 @@ def test_the_mosaic_record_says_what_the_mosaic_is(flights):
 
 def test_the_baseline_counts_failures_and_shows_the_fixes(flights):
     train, test = flights
-    record = homography_baseline.run(train, test, homography_baseline.Parameters(anchors=6))
+    record = homography_baseline.run(train, test, homography_baseline.Parameters())
     position = np.array(record.series["mosaic_m"], dtype=float)
     lost = int((~np.isfinite(position).all(axis=1)).sum())
     assert record.values["mosaic"]["missing"] == lost
@@ -92,13 +92,11 @@ def test_training_on_homography_positions_differs_only_in_them(flights):
     record = homography_training.run(
         train,
         test,
-        homography_training.Parameters(
-            samples=60, textons=6, particles=20, neighbors=2, repeats=2, anchors=6
-        ),
+        homography_training.Parameters(samples=60, textons=6, particles=20, neighbors=2, repeats=2),
     )
     values = record.values
     assert values["filter"]["frames"] == len(test)
-    position, _ = locate_all(stitched_map(train, 6).map, train)
+    position, _ = locate_all(stitched_map(train).map, train)
     known = np.isfinite(position).all(axis=1)
     assert values["filter_training"]["missing"] == (~known).sum()
     assert values["filter_training"]["error_cm_y"]["value"] == pytest.approx(

@@ -71,7 +71,6 @@ def test_the_tally_of_landings_made_by_hand():
     values = summarize_attempts(attempts, triggered_landing.Parameters())
     assert (values["attempts"], values["landings"], values["never_triggered"]) == (6, 5, 1)
     assert values["inside"] == 3
-    assert np.allclose(values["outliers_cm"], [14, 18])
     assert np.isclose(values["outlier_mean_cm"]["value"], 16) and np.isclose(
         values["outlier_mean_cm"]["low"], 14
     )
@@ -80,12 +79,7 @@ def test_the_tally_of_landings_made_by_hand():
         and values["inside_rate"]["low"] < 0.6 < values["inside_rate"]["high"]
     )
     assert values["triggered_inside_rate"]["value"] == 0.6
-    assert values["first_flights"] == {
-        "attempts": 6,
-        "landings": 5,
-        "inside": 3,
-        "outliers_cm": pytest.approx([14, 18]),
-    }
+    assert values["first_flights"] == {"inside": 3}
 
 
 def test_nothing_but_missed_landings_is_a_result_too():
@@ -142,7 +136,7 @@ def test_a_zone_that_is_never_reached_ends_at_the_time_limit(train):
     assert (
         triggered_landing.first_flights(found).axes[0].get_title(loc="left") == "1: never triggered"
     )
-    assert len(triggered_landing.table(found)) == 4
+    assert len(triggered_landing.table(found)) == 3
 
 
 @pytest.mark.parametrize(
@@ -151,7 +145,6 @@ def test_a_zone_that_is_never_reached_ends_at_the_time_limit(train):
         ({"radius": 2.0}, "does not fit"),
         ({"radius": -1.0}, "radius"),
         ({"landings": 0}, "landings is 0"),
-        ({"armed_after": 99.0}, "armed after"),
     ],
 )
 def test_nonsense_is_refused(train, options, message):
@@ -176,4 +169,4 @@ def test_the_figures_show_the_record(record):
 def test_the_table_stands_beside_the_paper(record):
     table = triggered_landing.table(record)
     assert table.iloc[0]["Landings"] == 6 and table.iloc[0]["Inside"] == 4
-    assert table.iloc[2]["Landings"] == record.values["landings"]
+    assert table.iloc[1]["Landings"] == record.values["landings"]

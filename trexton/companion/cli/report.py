@@ -7,7 +7,7 @@ from pathlib import Path
 
 __all__ = ["add_arguments", "run"]
 
-PAGES = ("assessment", "mocap_training", "map_loss", "overview", "texton_dictionary")
+PAGES = ("assessment", "mocap_training", "map_loss", "texton_dictionary")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

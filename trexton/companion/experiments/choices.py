@@ -14,18 +14,8 @@ from matplotlib.figure import Figure
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.declaration import (
-    POSITIONS,
-    Experiment,
-    MapParameters,
-    option,
-)
-from trexton.companion.experiments.evaluation import (
-    errors_of,
-    flown,
-    frames_of,
-    map_of,
-)
+from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
+from trexton.companion.experiments.evaluation import errors_of, flown, frames_of, map_of
 from trexton.companion.experiments.style import COLORS, canvas, label_rows, with_intervals
 from trexton.companion.experiments.track import tracks
 from trexton.companion.wording import apart, interval

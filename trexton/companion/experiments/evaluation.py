@@ -14,13 +14,10 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import MapParameters
 from trexton.companion.experiments.track import ARRAYS, Track, tracks
 from trexton.evaluation.metrics import (
-    absolute_errors,
     block_rows,
     bootstrap_interval,
-    constant_guess,
     euclidean,
     mean_with_interval,
-    shuffled_neighbors,
     summarize,
 )
 from trexton.flights.flight import Flight
@@ -39,13 +36,12 @@ def trained_map(
     train: Flight,
     *,
     textons: int = 20,
-    patch: int = 6,
     neighbors: int = 5,
     seed: int = 1,
     positions: np.ndarray | None = None,
 ) -> TextonMap:
     """The texton map of `train`, from the cache if the same inputs were used before."""
-    options: dict[str, Any] = {"n_textons": textons, "patch": patch, "neighbors": neighbors}
+    options: dict[str, Any] = {"n_textons": textons, "neighbors": neighbors}
     inputs = {"flight": train.data_hash, "seed": seed, **options}
     if positions is not None:
         inputs["positions"] = [[float(value).hex() for value in row] for row in positions]
@@ -201,44 +197,6 @@ def drift(
         "low": low,
         "high": high,
     }
-
-
-def evaluate(
-    runs: list[Track], train_positions: np.ndarray, test: Flight, *, k: int, seed: int
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Values and series of a set of runs beside the k-NN alone and the yardsticks.
-
-    Returns
-    -------
-    values : dict
-        ``filter``, ``knn``, ``constant_guess``, ``shuffled_neighbors``: each what
-        `trexton.evaluation.metrics.summarize` gives.
-    series : dict
-        Time, truth, estimate, spread, k-NN mean of the typical run, the one of median mean error.
-    """
-    rng = stream(seed, "intervals")
-
-    def summary(estimates: list[np.ndarray]) -> dict[str, Any]:
-        return summarize(estimates, test.position, test.diagonal, rng=rng)
-
-    values = {
-        "filter": errors_of(runs, test, seed),
-        "knn": summary([run.knn for run in runs]),
-        "constant_guess": summary([constant_guess(train_positions, len(test))]),
-        "shuffled_neighbors": summary([shuffled_neighbors(train_positions, len(test), k, rng=rng)]),
-    }
-    means = [absolute_errors(run.position, test.position).mean() for run in runs]
-    run = runs[int(np.argsort(means, kind="stable")[(len(means) - 1) // 2])]
-    series = {
-        "time_s": test.time - test.time[0],
-        "start_s": test.time[0],
-        "truth_m": test.position,
-        "estimate_m": run.position,
-        "spread_m": run.spread,
-        "knn_m": run.knn,
-        "area_m": test.area,
-    }
-    return values, series
 
 
 def whereabouts(train: Flight) -> dict[str, Any]:

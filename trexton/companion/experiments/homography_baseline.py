@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.declaration import IMAGES, Experiment
+from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters
 from trexton.companion.experiments.evaluation import map_picture
-from trexton.companion.experiments.mosaic import MosaicParameters, locate_all, stitched_map
+from trexton.companion.experiments.mosaic import locate_all, stitched_map
 from trexton.companion.experiments.style import COLORS, legend_below, plan_canvas
 from trexton.companion.wording import interval, number
 from trexton.evaluation.metrics import summarize
@@ -21,7 +21,7 @@ from trexton.flights.flight import Flight
 
 
 @dataclass(frozen=True)
-class Parameters(MosaicParameters):
+class Parameters(SeedParameters):
     """What can be chosen."""
 
 
@@ -33,7 +33,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images.
     """
-    picture = stitched_map(train, parameters.anchors).map
+    picture = stitched_map(train).map
     position, seconds = locate_all(picture, test)
     rng = stream(parameters.seed, "intervals")
     values: dict[str, Any] = {

@@ -16,7 +16,7 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.mocap_training import train_and_fly
-from trexton.companion.experiments.mosaic import MosaicParameters, locate_all, stitched_map
+from trexton.companion.experiments.mosaic import locate_all, stitched_map
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.wording import middle, number
 from trexton.evaluation.metrics import euclidean, summarize
@@ -47,7 +47,7 @@ def filtered_positions(position: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Parameters(MosaicParameters, MapParameters):
+class Parameters(MapParameters):
     """What can be chosen."""
 
     repeats: int = option(10, "independent runs of the filter over the test flight", low=1)
@@ -62,7 +62,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images.
     """
-    picture = stitched_map(train, parameters.anchors).map
+    picture = stitched_map(train).map
     position, _ = locate_all(picture, train)
     sources = {"filter": position, "remedy": filtered_positions(position)}
     rng = stream(parameters.seed, "intervals")

@@ -171,34 +171,24 @@ def _outcome(
     after = np.array([np.inf if frames is None else period * frames for frames in recovered])
     times = np.sort(after[after < np.inf])
     stretches = [trial.carried for trial in trials]
-
-    def rate(outcomes: np.ndarray) -> dict[str, Any] | None:
-        """Over trials, those of one stretch of the flight taken together."""
-        return success_rate(np.bincount(stretches, outcomes).astype(int), np.bincount(stretches))
-
-    calm = np.concatenate([trial.error[trial.calm] for trial in trials])
-    return {
-        "recovered_rate": rate(after < np.inf),
-        "recovery_s": {"median": np.percentile(times, 50)} if len(times) else None,
-        "undisturbed_error_cm": 100 * calm.mean(),
-        "lost": _lost(trials, recovered, tolerance),
-    }, list(times)
-
-
-def _lost(trials: list[Trial], recovered: list[int | None], tolerance: float) -> dict[str, Any]:
-    """Shares of frames called lost: of wrong ones until the vehicle is localized again, and of
-    undisturbed ones that are right.
-    """
-    wrong, right = [], []
+    # Trials of one stretch of the flight are taken together.
+    counts = np.bincount(stretches, after < np.inf).astype(int), np.bincount(stretches)
+    wrong, right = [], []  # frames until the vehicle is localized again, and undisturbed ones
     for trial, frames in zip(trials, recovered, strict=True):
         until = slice(trial.cut, None if frames is None else trial.cut + frames)
         wrong.append(trial.lost[until][trial.error[until] >= tolerance])
         right.append(trial.lost[trial.calm][trial.error[trial.calm] < tolerance])
+    calm = np.concatenate([trial.error[trial.calm] for trial in trials])
+    return {
+        "recovered_rate": success_rate(*counts),
+        "recovery_s": {"median": np.percentile(times, 50)} if len(times) else None,
+        "undisturbed_error_cm": 100 * calm.mean(),
+        "lost": {"wrong_frames_rate": _share(wrong), "right_frames_rate": _share(right)},
+    }, list(times)
 
-    def share(flags: list[np.ndarray]) -> float | None:
-        return np.concatenate(flags).mean() if sum(map(len, flags)) else None
 
-    return {"wrong_frames_rate": share(wrong), "right_frames_rate": share(right)}
+def _share(flags: list[np.ndarray]) -> float | None:
+    return np.concatenate(flags).mean() if sum(map(len, flags)) else None
 
 
 def finding(record: Record) -> str:

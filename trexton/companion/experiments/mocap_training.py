@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from trexton.companion.experiments.declaration import POSITIONS, Experiment, Map
 from trexton.companion.experiments.evaluation import (
     RUNS,
     drift,
-    evaluate,
+    errors_of,
     floor_picture,
     flown,
     frames_of,
@@ -22,17 +23,16 @@ from trexton.companion.experiments.evaluation import (
     map_of,
     whereabouts,
 )
-from trexton.companion.experiments.style import (
-    COLORS,
-    legend_below,
-    plan_canvas,
-)
+from trexton.companion.experiments.style import COLORS, legend_below, plan_canvas
 from trexton.companion.experiments.track import Track, tracks
 from trexton.companion.wording import beside, interval, middle, number, percent
 from trexton.evaluation.metrics import (
     absolute_errors,
     block_rows,
     bootstrap_interval,
+    constant_guess,
+    shuffled_neighbors,
+    summarize,
 )
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
@@ -90,7 +90,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 def train_and_fly(
     train: Flight, test: Flight, parameters: Any, positions: np.ndarray | None = None
 ) -> tuple[TextonMap, list[Track], dict[str, Any], dict[str, Any]]:
-    """The map of a flight, its runs over another, and their values and series as of `evaluate`.
+    """The map of a flight, its runs over another, their values and series beside the k-NN alone and
+    the yardsticks.
 
     Parameters
     ----------
@@ -108,9 +109,29 @@ def train_and_fly(
             texton_map, frames_of(test), repeats=parameters.repeats, seed=parameters.seed,
             samples=parameters.samples, particles=parameters.particles,
         )  # fmt: skip
-    values, series = evaluate(
-        runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
-    )
+    rng, known = stream(parameters.seed, "intervals"), texton_map.positions
+
+    def summary(estimates: list[np.ndarray]) -> dict[str, Any]:
+        return summarize(estimates, test.position, test.diagonal, rng=rng)
+
+    shuffled = partial(shuffled_neighbors, known, len(test), parameters.neighbors, rng=rng)
+    values = {
+        "filter": errors_of(runs, test, parameters.seed),
+        "knn": summary([run.knn for run in runs]),
+        "constant_guess": summary([constant_guess(known, len(test))]),
+        "shuffled_neighbors": summary([shuffled()]),
+    }
+    means = [absolute_errors(run.position, test.position).mean() for run in runs]
+    typical = runs[int(np.argsort(means, kind="stable")[(len(means) - 1) // 2])]
+    series = {
+        "time_s": test.time - test.time[0],
+        "start_s": test.time[0],
+        "truth_m": test.position,
+        "estimate_m": typical.position,
+        "spread_m": typical.spread,
+        "knn_m": typical.knn,
+        "area_m": test.area,
+    }
     return texton_map, runs, values, series
 
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from trexton.base.cache import cached
 from trexton.base.progress import progress
 from trexton.base.records import Record
-from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
+from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters
 from trexton.companion.experiments.evaluation import map_picture
 from trexton.companion.experiments.style import SERIES, legend_below, plan_canvas
 from trexton.companion.wording import number
@@ -30,16 +30,7 @@ _PLAIN = ("poses", "used", "anchors", "errors")  # arrays of a mosaic that are s
 
 
 @dataclass(frozen=True)
-class MosaicParameters(SeedParameters):
-    """Base of those that stitch a map."""
-
-    anchors: int = option(
-        0, "training frames whose position places the map; 0 chooses as the flight needs", low=0
-    )
-
-
-@dataclass(frozen=True)
-class Parameters(MosaicParameters):
+class Parameters(SeedParameters):
     """What can be chosen."""
 
 
@@ -49,12 +40,12 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     Parameters
     ----------
     train : Flight
-        With images; the positions of `anchors` of its frames place the map in the world.
+        With images; the positions of a few of its frames place the map in the world.
     test : Flight, optional
         Not used: nothing of the test flight may enter the map.
     """
     start = perf_counter()
-    mosaic = stitched_map(train, parameters.anchors)
+    mosaic = stitched_map(train)
     seconds = perf_counter() - start
     extent, picture = map_picture(mosaic.map, 900)
     error_cm = 100 * euclidean(mosaic.poses[:, :2], train.position)[mosaic.used]
@@ -83,13 +74,11 @@ def _spread(values: np.ndarray) -> dict[str, Any]:
     return {"median": np.median(values), "p95": np.percentile(values, 95), "rms": rms}
 
 
-def stitched_map(train: Flight, anchors: int = 0) -> Mosaic:
-    """The mosaic of `train`, from the cache if the same inputs were seen before; of 0 `anchors` as
-    many as it needs.
-    """
+def stitched_map(train: Flight) -> Mosaic:
+    """The mosaic of `train`, from the cache if it was stitched before."""
 
     def compute() -> dict[str, np.ndarray]:
-        mosaic = stitch(train, anchors=anchors or None)
+        mosaic = stitch(train)
         return {
             "image": mosaic.map.image,
             "world_from_pixel": mosaic.map.world_from_pixel,
@@ -100,7 +89,7 @@ def stitched_map(train: Flight, anchors: int = 0) -> Mosaic:
             **{name: getattr(mosaic, name) for name in _PLAIN},
         }
 
-    inputs = {"flight": train.data_hash, "anchors": anchors}
+    inputs = {"flight": train.data_hash}
     kept = cached("mosaic", "trexton.registration.mosaic", inputs, compute)
     return Mosaic(
         map=MapImage(kept["image"], kept["world_from_pixel"], kept["mask"]),

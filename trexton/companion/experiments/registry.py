@@ -24,7 +24,7 @@ __all__ = ["EXPERIMENTS", "LEDGER", "MODULES"]
 LEDGER = "claims"
 _NAMES = (
     # The paper's, in its order, and what it leaves open.
-    "overview", "texton_dictionary", "mosaic", "homography_baseline", "mocap_training",
+    "texton_dictionary", "mosaic", "homography_baseline", "mocap_training",
     "homography_training", "triggered_landing", "trade_off", "timing", "map_loss", "kidnapping",
     "choices",
     # Beyond the paper.

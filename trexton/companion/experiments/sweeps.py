@@ -166,12 +166,13 @@ def choose_setting(bench: Bench) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         for chosen in product(drawn, GRID["particles"], counts)
     ]
     replayed = spread(partial(_replayed, bench.wide, bench.seed), settings, "settings")
-    if None in replayed:
+    errors = [error for error in replayed if error is not None]
+    if len(errors) < len(settings):
         return [], {"tuned_error_cm": None}
-    best = settings[int(np.argmin(replayed))]
+    best = settings[int(np.argmin(errors))]
     tuned = bench.errors(best)
     return [
-        setting | {"replayed_cm": error} for setting, error in zip(settings, replayed, strict=True)
+        setting | {"replayed_cm": error} for setting, error in zip(settings, errors, strict=True)
     ], {"tuned": tuned, "tuned_error_cm": tuned["axis_mean_cm"], "tuned_setting": best}
 
 

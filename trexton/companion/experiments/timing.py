@@ -147,28 +147,24 @@ def stages(record: Record) -> Figure:
     """Each stage on a logarithmic axis: median to 99th percentile, the paper's value beside it."""
     rows = [(label, look_up(record.timings, path), key) for label, path, key in _ROWS]
     rows = [row for row in rows if row[1] is not None]
+    medians = [time["median"] for _, time, _ in rows]
     paper = dict(published()["timing"])
     paper["full_sampling_ms"] = 1000 / paper["full_sampling_hz"]
-    height = 0.8 + 0.42 * len(rows)
+    places, height = range(len(rows)), 0.8 + 0.42 * len(rows)
     with canvas(size=(7.2, height)) as (figure, axes):
         plot = axes[0, 0]
-        plot.axvline(
-            1000 / paper["camera_hz"], color=COLORS["truth"], linestyle=":",
-            label=f"one frame at {paper['camera_hz']:g} Hz",
-        )  # fmt: skip
-        plot.set_yticks(range(len(rows)), labels=[label for label, _, _ in rows])
-        for place, (_, time, key) in enumerate(rows):
-            span, at = (time["median"], time["p99"]), (time["median"], place)
-            plot.hlines(place, *span, color=COLORS["paper"], linewidth=4, alpha=0.3)
-            label = None if place else "here, to the 99th percentile"
-            plot.plot(*at, "o", color=COLORS["paper"], label=label)
-            style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "fontsize": 8}
-            plot.annotate(f"{time['median']:.3g} ms", at, xytext=(0, 6), **style)
-            if key:
-                label = "the paper" if key == "total_ms" else None
-                plot.plot(paper[key], place, "D", color=COLORS["printed"], label=label)
-        plot.set(xscale="log", xlabel="time a frame (ms)", ylim=(len(rows) - 0.5, -0.7))
-        plot.margins(x=0.07)
+        wide: dict[str, Any] = {"color": COLORS["paper"], "linewidth": 4, "alpha": 0.3}
+        plot.hlines(places, medians, [time["p99"] for _, time, _ in rows], **wide)
+        here = "here, to the 99th percentile"
+        plot.plot(medians, places, "o", color=COLORS["paper"], label=here)
+        printed = [paper.get(key, np.nan) for _, _, key in rows]
+        plot.plot(printed, places, "D", color=COLORS["printed"], label="the paper")
+        label = f"one frame at {paper['camera_hz']:g} Hz"
+        plot.axvline(1000 / paper["camera_hz"], color=COLORS["truth"], linestyle=":", label=label)
+        plot.set_yticks(
+            places, labels=[f"{name}: {time['median']:.3g} ms" for name, time, _ in rows]
+        )
+        plot.set(xscale="log", xlabel="time a frame (ms)", ylim=(len(rows) - 0.5, -0.5))
         plot.xaxis.set_major_formatter("{x:g}")
         plot.grid(False, axis="y")
         plot.legend(loc="upper center", bbox_to_anchor=(0.4, -0.8 / height), ncols=3)

@@ -31,7 +31,7 @@ from trexton.companion.experiments.landings import (
 )
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, show_floor
-from trexton.companion.wording import percent
+from trexton.companion.wording import middle, number, percent
 from trexton.evaluation.metrics import bootstrap_interval, success_rate
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone
@@ -80,7 +80,6 @@ def summarize_attempts(attempts: list[Attempt], parameters: LandingParameters) -
     done = [attempt for attempt in attempts if attempt.triggered]
     beyond = 100 * (distances(attempts, "touchdown") - parameters.radius)
     outliers = np.sort(beyond[beyond > 0])
-    first, early = attempts[:PAPER_LANDINGS], beyond[:PAPER_LANDINGS]
     triggered_inside = int((distances(attempts, "truth") <= parameters.radius).sum())
     return {
         "attempts": len(attempts),
@@ -89,14 +88,8 @@ def summarize_attempts(attempts: list[Attempt], parameters: LandingParameters) -
         "inside": len(done) - len(outliers),
         "inside_rate": success_rate(len(done) - len(outliers), len(done)),
         "triggered_inside_rate": success_rate(triggered_inside, len(done)),
-        "outliers_cm": outliers,
         "outlier_mean_cm": _mean(outliers, stream(parameters.seed, "intervals")),
-        "first_flights": {
-            "attempts": len(first),
-            "landings": sum(attempt.triggered for attempt in first),
-            "inside": int((early <= 0).sum()),
-            "outliers_cm": early[early > 0],
-        },
+        "first_flights": {"inside": int((beyond[:PAPER_LANDINGS] <= 0).sum())},
     }
 
 
@@ -185,11 +178,10 @@ def first_flights(record: Record) -> Figure:
 
 def table(record: Record) -> pd.DataFrame:
     """The paper's landings, ours, and those with the true position in the localizer's place."""
-    values, first = record.values, record.values["first_flights"]
+    values = record.values
     flown = {
         "Paper": published()["triggered_landing"],
-        f"Our first {first['attempts']} flights": first,
-        f"All {values['attempts']} flights": values,
+        f"Our {values['attempts']} flights": values,
         "With the true position": values["perfect"],
     }
     rows = [
@@ -197,17 +189,13 @@ def table(record: Record) -> pd.DataFrame:
             "": name,
             "Landings": counts["landings"],
             "Inside": counts["inside"],
-            "Rate": percent(counts["inside_rate"]) if "inside_rate" in counts else "",
+            "Rate": percent(counts["inside_rate"]),
             "Triggered inside": percent(counts.get("triggered_inside_rate")),
-            "Outside: mean, furthest (cm)": _outside(counts["outliers_cm"]),
+            "Outside, beyond the circle (cm)": number(middle(counts["outlier_mean_cm"])),
         }
         for name, counts in flown.items()
     ]
     return pd.DataFrame(rows)
-
-
-def _outside(beyond: list[float]) -> str:
-    return f"{np.mean(beyond):.0f}, {max(beyond):.0f}" if len(beyond) else ""
 
 
 EXPERIMENT = Experiment("Triggered landing", Parameters, run, finding, needs=SURVEYED, cost_s=90)
