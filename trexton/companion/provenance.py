@@ -17,7 +17,7 @@ from trexton.base.records import software_versions
 
 __all__ = ["kept_results", "machine", "made_by"]
 
-_DRAWS = ("experiments.drawing", "experiments.style", "wording", "claims.page")
+_DRAWS = ("experiments.style", "wording", "claims.page")
 
 
 @cache

@@ -13,8 +13,7 @@ from trexton.base.errors import DataError
 from trexton.companion.build.charts import inline_figure, is_figure
 from trexton.companion.build.mathematics import mathml
 from trexton.companion.build.postprocessing import finish_page
-from trexton.companion.experiments.drawing import to_png, to_svg
-from trexton.companion.experiments.style import COLORS, canvas
+from trexton.companion.experiments.style import COLORS, canvas, to_png, to_svg
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
     Parameters
     ----------
     svg : str
-        A file that `trexton.companion.experiments.drawing.to_svg` wrote.
+        A file that `trexton.companion.experiments.style.to_svg` wrote.
     name : str
         Put before every identifier, so that several figures go on one page.
     alt : str

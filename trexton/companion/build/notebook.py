@@ -22,9 +22,9 @@ from trexton.companion.build.given import Given, given
 from trexton.companion.build.kept import reference, swept
 from trexton.companion.claims.ledger import judge_all, load_claims, write_ledger
 from trexton.companion.claims.page import claims_html, counts_html, filters_html
-from trexton.companion.experiments.drawing import to_png, to_svg
 from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.experiments.style import to_png, to_svg
 from trexton.companion.player.playback import PlayedFlight, player_html
 from trexton.companion.wording import (
     METRES_FROM,

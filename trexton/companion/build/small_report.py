@@ -14,7 +14,7 @@ from trexton.base.records import Record
 from trexton.companion import build
 from trexton.companion.build.charts import inline_figure
 from trexton.companion.experiments import advice, assessment
-from trexton.companion.experiments.drawing import to_svg
+from trexton.companion.experiments.style import to_svg
 from trexton.companion.wording import as_html, middle, template_environment
 
 __all__ = ["write_report"]

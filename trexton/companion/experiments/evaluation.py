@@ -88,17 +88,12 @@ def flown(
         runs = tracks(
             chosen, frames_of(test), repeats=repeats, seed=parameters.seed, label=method, **options
         )
-        return {
-            f"{name}-{number}": array
-            for number, run in enumerate(runs)
-            for name, array in run.arrays().items()
-        }
+        return {name: np.stack([getattr(run, name) for run in runs]) for name in ARRAYS}
 
     inputs = {"train": train.data_hash, "test": test.data_hash, "method": method,
               "repeats": repeats, **parameters.of_the_map(), **options}  # fmt: skip
     arrays = cached("flown", __name__, inputs, compute)
-    stored = [{name: arrays[f"{name}-{i}"] for name in ARRAYS} for i in range(repeats)]
-    return [Track(**each, estimates=[]) for each in stored]
+    return [Track(*(arrays[name][run] for name in ARRAYS)) for run in range(repeats)]
 
 
 def method_map(train: Flight, parameters: MapParameters, method: str) -> TextonMap:
@@ -128,10 +123,7 @@ def lag(runs: Sequence[Track], test: Flight) -> dict[str, float]:
     ]
     best = int(np.argmin(errors))
     period = (test.time[-1] - test.time[0]) / max(1, len(test) - 1)
-    return {
-        "frames": best, "s": best * period, "error_cm": 100 * errors[best],
-        "unshifted_cm": 100 * errors[0],
-    }  # fmt: skip
+    return {"s": best * period, "error_cm": 100 * errors[best]}
 
 
 def frames_of(flight: Flight) -> Sequence[np.ndarray]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -44,13 +44,9 @@ FILTERS: dict[str, tuple[str, str, dict[str, object], dict[str, Any]]] = {
 SETTLED = 25  # frames, two seconds, in which the filter localizes the vehicle for the first time
 
 
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One kidnapping: errors in metres, and whether the vehicle was called lost, frame by frame.
-
-    The arrays start with the undisturbed part; the kidnapping lies between the frames `cut - 1` and
-    `cut`. `carried` numbers the stretch of the flight, as long as the patience, that the second
-    part begins in: trials of one stretch share frames.
+class Trial(NamedTuple):
+    """One kidnapping, between the frames `cut - 1` and `cut`: errors in metres, and whether the
+    vehicle was called lost. Trials that are `carried` to one stretch of the flight share frames.
     """
 
     error: np.ndarray

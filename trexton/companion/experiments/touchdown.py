@@ -80,9 +80,6 @@ class Parameters(LandingParameters, FloorParameters):
     flights: int = option(2, "flights over each floor", low=1)
     samples: int = option(SAMPLES, "patches drawn from an image", low=1)
     textons: int = option(50, "textons of the field; the paper's filter has its 20", low=2)
-    settled_s: float = option(
-        1.5, "seconds without a jump of the estimate before a predicted touchdown", low=0
-    )
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -130,10 +127,7 @@ def _over(train: Flight, parameters: Parameters, seed: int) -> dict[str, list[At
     zones: dict[str, Callable[[np.ndarray], LandingZone]] = {
         "inside": partial(LandingZone, radius=parameters.radius),
         "touchdown": partial(
-            TouchdownZone,
-            radius=parameters.radius,
-            time_limit=parameters.time_limit,
-            settled_s=parameters.settled_s,
+            TouchdownZone, radius=parameters.radius, time_limit=parameters.time_limit
         ),
     }
     options = {"samples": parameters.samples}

@@ -64,10 +64,6 @@ class Track:
             estimates,
         )  # fmt: skip
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """All but the estimates, by name."""
-        return {name: getattr(self, name) for name in ARRAYS}
-
     @property
     def spread(self) -> np.ndarray:
         """``(N, 2)`` standard deviations in metres."""
