@@ -78,19 +78,6 @@ def test_sigma(record, flights):
     )
 
 
-def test_groups_hold_all_frames(record, flights):
-    for key, flight in zip(
-        ("train_knn", "test_knn", "test_filter"), (flights[0], flights[1], flights[1]), strict=False
-    ):
-        groups = record.series["groups"][key]
-        losses = [group["loss"] for group in groups]
-        assert len(groups) == 10 and losses == sorted(losses)
-        assert all(group["error_cm"]["low"] <= group["error_cm"]["high"] for group in groups)
-        assert len(flight) % 10 == 0  # equal groups: their mean is the mean of all
-    means = [group["error_cm"]["value"] for group in record.series["groups"]["train_knn"]]
-    assert np.mean(means) == pytest.approx(100 * np.mean(record.series["error_m"]))
-
-
 def test_equal_seeds_equal_bytes(record, flights, monkeypatch, tmp_path):
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
     again = map_loss.run(*flights, map_loss.Parameters(sigma=0.7))

@@ -13,7 +13,7 @@ from trexton.companion.experiments import texton_dictionary
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.textons import TextonDictionary
 
-OPTIONS = {"textons": 6, "images": 10, "patches_per_image": 200, "cells": 4}
+OPTIONS = {"textons": 6, "images": 10, "patches_per_image": 200}
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.stats import rankdata
 
 from trexton.evaluation.metrics import BLOCK, block_rows, bootstrap_interval
 
@@ -68,8 +69,6 @@ def pearson(a: np.ndarray, b: np.ndarray) -> float:
 
 def _spearman(a: np.ndarray, b: np.ndarray) -> list[float]:
     """Of each row."""
-    from scipy.stats import rankdata
-
     return [
         pearson(*ranks) for ranks in zip(*(rankdata(each, axis=1) for each in (a, b)), strict=True)
     ]
@@ -77,8 +76,6 @@ def _spearman(a: np.ndarray, b: np.ndarray) -> list[float]:
 
 def _pair_ranks(matrix: np.ndarray) -> np.ndarray:
     """Ranks of the upper triangle, between -1/2 and 1/2, on both sides of a zero diagonal."""
-    from scipy.stats import rankdata
-
     upper = np.triu_indices(len(matrix), 1)
     ranks = np.zeros_like(matrix)
     ranks[upper] = rankdata(matrix[upper]) / len(upper[0]) - 0.5

@@ -13,7 +13,7 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters
 from trexton.companion.experiments.evaluation import map_picture
 from trexton.companion.experiments.mosaic import locate_all, stitched_map
-from trexton.companion.experiments.style import COLORS, legend_below, plan_canvas
+from trexton.companion.experiments.style import COLORS, joined_plan
 from trexton.companion.wording import interval, number
 from trexton.evaluation.metrics import summarize
 from trexton.evaluation.runtime import of_frames
@@ -79,20 +79,7 @@ def finding(record: Record) -> str:
 
 def fixes(record: Record) -> Figure:
     """The fixes on the stitched map, each joined to the true position; crosses without a fix."""
-    series = record.series
-    color = COLORS["homography"]
-    truth, position = np.array(series["truth_m"]), np.array(series["mosaic_m"], dtype=float)
-    lost = ~np.isfinite(position).all(axis=1)
-    with plan_canvas(record, (5.6, 5.6), "map") as (figure, plan):
-        for true, fix in zip(truth[~lost], position[~lost], strict=True):
-            plan.plot(*zip(true, fix, strict=True), color=color, linewidth=0.6, alpha=0.6)
-        plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="true track")
-        plan.plot(*position[~lost].T, ".", color=color, markersize=3, label="homography")
-        if lost.any():
-            label = f"no homography ({lost.sum()})"
-            plan.plot(*truth[lost].T, "x", color=color, label=label)
-        legend_below(plan, 0.11, columns=3)
-    return figure
+    return joined_plan(record, "mosaic_m", "homography", COLORS["homography"], floor="map")
 
 
 EXPERIMENT = Experiment(

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PathCollection
 from matplotlib.patches import Circle
 
 from trexton.base.errors import ParameterError
@@ -259,11 +258,9 @@ def zone_ring(axes: Axes, center: Any, radius: float, **style: Any) -> None:
     axes.add_patch(Circle(center, radius, fill=False, color=COLORS["zone"], lw=2, **style))
 
 
-def landed(
-    axes: Axes, places: np.ndarray, color: str, label: str, inside: bool = True
-) -> PathCollection:
+def landed(axes: Axes, places: np.ndarray, color: str, label: str, inside: bool = True) -> None:
     """Landings of one outcome: full dots inside their zone, open triangles outside."""
-    return axes.scatter(
+    axes.scatter(
         places[:, 0], places[:, 1], s=26, marker="o" if inside else "^", label=label, zorder=5,
         facecolors=color if inside else "white", edgecolors="white" if inside else color,
         linewidths=0.6 if inside else 1.1,

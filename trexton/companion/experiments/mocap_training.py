@@ -23,14 +23,13 @@ from trexton.companion.experiments.evaluation import (
     map_of,
     whereabouts,
 )
-from trexton.companion.experiments.style import COLORS, legend_below, plan_canvas
+from trexton.companion.experiments.style import COLORS, joined_plan
 from trexton.companion.experiments.track import Track, tracks
 from trexton.companion.wording import beside, interval, middle, number, percent
 from trexton.evaluation.metrics import (
     absolute_errors,
-    block_rows,
-    bootstrap_interval,
     constant_guess,
+    mean_with_interval,
     shuffled_neighbors,
     summarize,
 )
@@ -135,9 +134,7 @@ def train_and_fly(
     return texton_map, runs, values, series
 
 
-def _spread(
-    runs: list[Track], test: Flight, rng: np.random.Generator, draws: int = 500
-) -> dict[str, Any]:
+def _spread(runs: list[Track], test: Flight, rng: np.random.Generator) -> dict[str, Any]:
     """Is the particles' spread honest? Shares of the errors of an axis that it covers."""
     ratio = np.array(
         [
@@ -145,14 +142,9 @@ def _spread(
             for run in runs
         ]
     )
-    drawn = [
-        (ratio[rng.integers(len(runs)), block_rows(len(test), rng)] <= 2).mean()
-        for _ in range(draws)
-    ]
-    low, high = bootstrap_interval(drawn, len(test))
     return {
         "within_one": (ratio <= 1).mean(),
-        "within_two": {"value": (ratio <= 2).mean(), "low": low, "high": high},
+        "within_two": mean_with_interval((ratio <= 2).mean(axis=2), rng),
         "mean_cm": 100 * np.mean([run.spread for run in runs]),
     }
 
@@ -173,17 +165,8 @@ def finding(record: Record) -> str:
 
 def floor_plan(record: Record) -> Figure:
     """Truth and estimate over the floor."""
-    series = record.series
-    truth, estimate = np.array(series["truth_m"]), np.array(series["estimate_m"])
-    color, label = COLORS["paper"], "estimate (every 5th frame)"
-    with plan_canvas(record, (5.4, 5.0)) as (figure, plan):
-        # Every fifth frame: where the estimate was against the truth.
-        for pair in zip(truth[::5], estimate[::5], strict=True):
-            plan.plot(*np.transpose(pair), color=color, linewidth=0.5, alpha=0.6)
-        plan.plot(*truth.T, color=COLORS["truth"], linewidth=2, label="true track")
-        plan.plot(*estimate[::5].T, "o", color=color, markersize=3, label=label)
-        legend_below(plan, 0.12, columns=2)
-    return figure
+    label = "estimate (every 5th frame)"
+    return joined_plan(record, "estimate_m", label, COLORS["paper"], every=5)
 
 
 EXPERIMENT = Experiment(

@@ -121,6 +121,26 @@ def plan_canvas(
         yield figure, axes[0, 0]
 
 
+def joined_plan(
+    record: Record, key: str, label: str, color: str, *, floor: str = "floor", every: int = 1
+) -> Figure:
+    """The true track over the floor and every so many of the estimates, joined to where they should
+    be; crosses where there is none.
+    """
+    truth = np.array(record.series["truth_m"])
+    rows, place = truth[::every], np.array(record.series[key], dtype=float)[::every]
+    lost = ~np.isfinite(place).all(axis=1)
+    with plan_canvas(record, (5.6, 5.4), floor) as (figure, plan):
+        for pair in zip(rows[~lost], place[~lost], strict=True):
+            plan.plot(*np.transpose(pair), color=color, linewidth=0.6, alpha=0.6)
+        plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.8, label="true track")
+        plan.plot(*place[~lost].T, "o", color=color, markersize=3, label=label)
+        if lost.any():
+            plan.plot(*rows[lost].T, "x", color=color, label=f"nothing ({lost.sum()})")
+        legend_below(plan, 0.12, columns=3)
+    return figure
+
+
 def band(
     axes: Axes, x: Any, low: Any, middle: Any, high: Any, *, color: str, alpha: float = 0.15,
     **line: Any,

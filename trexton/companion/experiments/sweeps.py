@@ -6,11 +6,10 @@ A `Bench` holds the map and the decoded test flight that all of them share.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import product
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -57,13 +56,12 @@ class TreeSearch(NearestHistograms):
         return np.array(near, dtype=np.int64)
 
 
-@dataclass
-class Sweep:
+class Sweep(NamedTuple):
     """One parameter's rows, its times in the same order, and the runs behind them by value."""
 
-    rows: list[dict[str, Any]] = field(default_factory=list)
-    clocks: list[dict[str, Any]] = field(default_factory=list)
-    runs: dict[int | None, list[Track]] = field(default_factory=dict)
+    rows: list[dict[str, Any]]
+    clocks: list[dict[str, Any]]
+    runs: dict[int | None, list[Track]]
 
 
 class Bench:
@@ -96,7 +94,7 @@ class Bench:
     def sweep(self, name: str) -> Sweep:
         """Vary `name`, the others at their defaults."""
         values = sorted({*SWEPT[name], self.defaults[name]}, key=lambda value: value or np.inf)
-        result = Sweep()
+        result = Sweep([], [], {})
         for value in progress(values, f"varying {name}"):
             setting = self.defaults | {name: value}
             runs = self._runs(setting)

@@ -100,9 +100,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def _distribution(seconds: np.ndarray) -> dict[str, Any]:
-    """Median in ms with its interval, and the 99th percentile of frames."""
-    stretch = min(20, max(1, len(seconds) // 5))
-    return milliseconds([seconds], stretch) | {"p99": 1000 * np.percentile(seconds, 99)}
+    """Median in ms with its interval."""
+    return milliseconds([seconds], min(20, max(1, len(seconds) // 5)))
 
 
 def _homography(floor: MapImage, frames: Any) -> dict[str, Any]:
@@ -144,7 +143,7 @@ _ROWS = (
 
 
 def stages(record: Record) -> Figure:
-    """Each stage on a logarithmic axis: median to 99th percentile, the paper's value beside it."""
+    """Median time of each stage on a logarithmic axis, the paper's value beside it."""
     rows = [(label, look_up(record.timings, path), key) for label, path, key in _ROWS]
     rows = [row for row in rows if row[1] is not None]
     medians = [time["median"] for _, time, _ in rows]
@@ -153,10 +152,7 @@ def stages(record: Record) -> Figure:
     places, height = range(len(rows)), 0.8 + 0.42 * len(rows)
     with canvas(size=(7.2, height)) as (figure, axes):
         plot = axes[0, 0]
-        wide: dict[str, Any] = {"color": COLORS["paper"], "linewidth": 4, "alpha": 0.3}
-        plot.hlines(places, medians, [time["p99"] for _, time, _ in rows], **wide)
-        here = "here, to the 99th percentile"
-        plot.plot(medians, places, "o", color=COLORS["paper"], label=here)
+        plot.plot(medians, places, "o", color=COLORS["paper"], label="here")
         printed = [paper.get(key, np.nan) for _, _, key in rows]
         plot.plot(printed, places, "D", color=COLORS["printed"], label="the paper")
         label = f"one frame at {paper['camera_hz']:g} Hz"

@@ -139,11 +139,10 @@ def first_flights(record: Record) -> Figure:
         np.array(series[f"{name}_m"], dtype=float) for name in ("truth", "estimate", "touchdown")
     )
     count = len(series["paths_m"])
-    columns = min(3, count)
-    rows = -(-count // columns)
-    size = (2.6 * columns, 2.75 * rows + 0.3)
+    rows = -(-count // 3)
+    size = (7.8, 2.75 * rows + 0.3)
     entries: dict[str, Artist] = {}  # one legend for all panels, each entry once
-    with canvas(rows, columns, size=size, sharex=True, sharey=True) as (figure, grid):
+    with canvas(rows, 3, size=size, sharex=True, sharey=True) as (figure, grid):
         for axes in grid.flat[count:]:
             axes.axis("off")
         for number, axes in enumerate(grid.flat[:count]):
@@ -191,11 +190,15 @@ def table(record: Record) -> pd.DataFrame:
             "Inside": counts["inside"],
             "Rate": percent(counts["inside_rate"]),
             "Triggered inside": percent(counts.get("triggered_inside_rate")),
-            "Outside, beyond the circle (cm)": number(middle(counts["outlier_mean_cm"])),
+            "Outside, beyond the circle (cm)": _beyond(counts["outlier_mean_cm"]),
         }
         for name, counts in flown.items()
     ]
     return pd.DataFrame(rows)
+
+
+def _beyond(mean: Any) -> str:
+    return "" if mean is None else number(middle(mean))
 
 
 EXPERIMENT = Experiment("Triggered landing", Parameters, run, finding, needs=SURVEYED, cost_s=90)
