@@ -16,7 +16,6 @@ from trexton.companion.experiments.mosaic import locate_all, stitched_map
 from trexton.companion.experiments.style import COLORS, joined_plan
 from trexton.companion.wording import interval, number
 from trexton.evaluation.metrics import summarize
-from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 
 
@@ -34,7 +33,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         With images.
     """
     picture = stitched_map(train).map
-    position, seconds = locate_all(picture, test)
+    position = locate_all(picture, test)
     rng = stream(parameters.seed, "intervals")
     values: dict[str, Any] = {
         "mosaic": summarize([position], test.position, test.diagonal, rng=rng)
@@ -57,7 +56,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "map": extent,
         },
         images={"map": drawn},
-        timings={"locate_s": of_frames(seconds)},
     )
 
 

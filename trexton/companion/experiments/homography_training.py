@@ -20,7 +20,6 @@ from trexton.companion.experiments.mosaic import locate_all, stitched_map
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.wording import middle, number
 from trexton.evaluation.metrics import euclidean, summarize
-from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 
@@ -63,23 +62,20 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         With images.
     """
     picture = stitched_map(train).map
-    position, _ = locate_all(picture, train)
+    position = locate_all(picture, train)
     sources = {"filter": position, "remedy": filtered_positions(position)}
     rng = stream(parameters.seed, "intervals")
     values: dict[str, Any] = {"mocap_process_std_cm": _process_std_cm(map_of(train, parameters))}
     series: dict[str, Any] = {}
-    step_s = []
     for name, positions in sources.items():
-        texton_map, runs, errors, drawn = train_and_fly(train, test, parameters, positions)
+        texton_map, _, errors, drawn = train_and_fly(train, test, parameters, positions)
         values[name] = errors["filter"]
         values[f"{name}_knn"] = errors["knn"]
         values[f"{name}_process_std_cm"] = _process_std_cm(texton_map)
         values[f"{name}_training"] = summarize([positions], train.position, train.diagonal, rng=rng)
         series = series or drawn
         series[f"{name}_estimate_m"] = drawn["estimate_m"]
-        step_s += [run.step_s for run in runs]
-    timings = {"step_s": of_frames(np.concatenate(step_s))}
-    return parameters.record(train, test, values=values, series=series, timings=timings)
+    return parameters.record(train, test, values=values, series=series)
 
 
 def _process_std_cm(texton_map: TextonMap) -> float:

@@ -33,7 +33,6 @@ from trexton.evaluation.metrics import (
     shuffled_neighbors,
     summarize,
 )
-from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 
@@ -82,7 +81,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         values=values,
         series=series | whereabouts(train) | floor,
         images=pictures,
-        timings={"step_s": of_frames(np.concatenate([run.step_s for run in runs]))},
     )
 
 

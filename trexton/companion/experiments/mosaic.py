@@ -6,7 +6,6 @@ Offers the maps of a flight, and where they put its frames, to the homography ex
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -44,9 +43,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     test : Flight, optional
         Not used: nothing of the test flight may enter the map.
     """
-    start = perf_counter()
     mosaic = stitched_map(train)
-    seconds = perf_counter() - start
     extent, picture = map_picture(mosaic.map, 900)
     error_cm = 100 * euclidean(mosaic.poses[:, :2], train.position)[mosaic.used]
     values = {
@@ -65,7 +62,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         values=values,
         series=series,
         images={"map": picture},
-        timings={"stitching_s": seconds},
     )
 
 
@@ -99,23 +95,11 @@ def stitched_map(train: Flight) -> Mosaic:
     )
 
 
-def locate_all(picture: MapImage, flight: Flight) -> tuple[np.ndarray, np.ndarray]:
-    """Locate every frame of a flight on a map, unfiltered.
-
-    Returns
-    -------
-    position : (N, 2) array
-        Metres; NaN: no homography.
-    seconds : (N,) array
-        What each frame took.
-    """
+def locate_all(picture: MapImage, flight: Flight) -> np.ndarray:
+    """``(N, 2)`` metres: every frame of a flight on a map, unfiltered; NaN: no homography."""
     localizer = HomographyLocalizer(picture)
-    positions, seconds = [], []
-    for image in progress(flight.images(), "locating", len(flight)):
-        start = perf_counter()
-        positions.append(localizer.locate(image).position)
-        seconds.append(perf_counter() - start)
-    return np.array(positions), np.array(seconds)
+    images = progress(flight.images(), "locating", len(flight))
+    return np.array([localizer.locate(image).position for image in images])
 
 
 def finding(record: Record) -> str:
