@@ -123,7 +123,8 @@ def lag(runs: Sequence[Track], test: Flight) -> dict[str, float]:
     ]
     best = int(np.argmin(errors))
     period = (test.time[-1] - test.time[0]) / max(1, len(test) - 1)
-    return {"s": best * period, "error_cm": 100 * errors[best]}
+    error, unshifted = 100 * errors[best], 100 * errors[0]
+    return {"s": best * period, "error_cm": error, "unshifted_cm": unshifted}
 
 
 def frames_of(flight: Flight) -> Sequence[np.ndarray]:
