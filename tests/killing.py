@@ -61,7 +61,7 @@ CASES = {
         (("--split", "0.5"), ("--split", "0.4")),
     ),
     "export": Case(
-        ("export", "room", "csv", "--out", "track.csv"), ((), ()), "track.csv"
+        ("export", "room", "tum", "--out", "track.tum"), ((), ()), "track.tum"
     ),
     "run": Case(
         ("run", "plain", "--only", "mocap_training", "--no-book", "--out", "out",

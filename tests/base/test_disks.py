@@ -25,7 +25,7 @@ COMMANDS = {
     "simulate": ("simulate --frames 3 --floor room/floor.png --out", "DISK/flight", "--seed 3"),
     "train": (TRAIN, "DISK/map.npz", "--seed 3"),
     "import": ("import csv table.csv --replace --out", "DISK/imported", "--split 0.5"),
-    "export": ("export room csv --out", "DISK/track.csv", ""),
+    "export": ("export room tum --out", "DISK/track.tum", ""),
     "data fetch": ("data fetch cyberzoo --out", "DISK/cyberzoo", ""),
     "play": ("play plain --map plain.npz --frames 8 --out", "DISK/play.html", "--seed 3"),
     "onboard csv": (

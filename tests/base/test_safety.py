@@ -87,7 +87,7 @@ def test_commands_replace_a_persons_folder_only_when_told_to(words, tmp_path, ca
         ["simulate", "--frames", "4"],
         ["data", "fetch", "cyberzoo"],
         ["train", "FLIGHT", "--set", "measurement.neighbors=2"],
-        ["export", "FLIGHT", "csv"],
+        ["export", "FLIGHT", "tum"],
         ["import", "csv", "FLIGHT/t.csv"],
     ],
 )
@@ -120,7 +120,7 @@ def test_a_full_disk_is_one_sentence_and_the_old_stays(words, tmp_path, shared_d
 @pytest.mark.parametrize(
     "words",
     [
-        "export room csv --out room/frames.csv",
+        "export room tum --out room/frames.csv",
         "train room -o room/flight.toml",
         "play room --map map.npz --out map.npz",
         "play room --map map.npz --out room/frames.csv",

@@ -46,7 +46,6 @@ def test_wrong_usage_is_status_2(words, capsys):
         (["run", "NOWHERE", "--out", "OUT"], "no such folder"),
         (["train", "NOWHERE", "-o", "OUT/map.npz"], "no such folder"),
         (["data", "fetch", "atlantis"], "no public data set is named 'atlantis'"),
-        (["data", "fetch", "cyberzoo", "--from", "NOWHERE", "--out", "OUT"], "neither cyberzoo/"),
         (["run", "FLIGHT", "--out", "OUT", "--set", "colour=red"], "has a parameter 'colour'"),
         (
             ["run", "FLIGHT", "--out", "OUT", "--only", "astrology"],

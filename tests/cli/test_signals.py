@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from trexton.cli.signals import set_elsewhere, stopped_by_signals
+from trexton.cli.onboard import set_elsewhere, stopped_by_signals
 
 
 def interrupted(end, moment: int, patience: float = 60.0) -> tuple[bool, bool]:

@@ -44,7 +44,6 @@ FAR = np.where(np.arange(600)[:, None] % 100 == 7, 1000.0, 0.0)
         (lambda f: {"time": f.time * 1e9}, "stamps in nanoseconds? write seconds"),
         (lambda f: {"time": f.time * 1e-4}, "write stamps in seconds"),
         (lambda f: {"split": {"train": (1, 400), "test": (301, 600)}}, "share 100 frames"),
-        (lambda f: {"split": {"train": (1, 2)}}, "holds 2 frames with a position"),
         (lambda f: {"height": np.full(600, -1.2)}, "does z point down? write metres above"),
         (lambda f: {"height": np.full(600, 1200.0)}, "heights in millimetres? write metres"),
         (lambda f: {"height": np.full(600, 120.0)}, "heights in centimetres? write metres"),
@@ -139,23 +138,23 @@ def as_written(folder, change):
 
 
 @pytest.mark.parametrize(
-    ("change", "warned"),
+    "change",
     [
-        (lambda text: b"\xef\xbb\xbf" + text.encode(), False),
-        (lambda text: text.replace("\n", "\r\n").encode() + b"\r\n\r\n", False),
-        (lambda text: (text + ",,,\n").encode() if text.count(",") < 200 else text.encode(), False),
-        (lambda text: text.replace("\n", "\n\n").encode(), False),
-        (lambda text: text.replace(",", ";").encode(), True),
-        (lambda text: text.replace(",", "\t").encode(), True),
-        (lambda text: text.replace(",", ";").replace(".", ",").encode(), True),
-        (lambda text: text.replace(",", "\t").replace(".", ",").encode(), True),
+        lambda text: b"\xef\xbb\xbf" + text.encode(),
+        lambda text: text.replace("\n", "\r\n").encode() + b"\r\n\r\n",
+        lambda text: (text + ",,,\n").encode() if text.count(",") < 200 else text.encode(),
+        lambda text: text.replace("\n", "\n\n").encode(),
+        lambda text: text.replace(",", ";").encode(),
+        lambda text: text.replace(",", "\t").encode(),
+        lambda text: text.replace(",", ";").replace(".", ",").encode(),
+        lambda text: text.replace(",", "\t").replace(".", ",").encode(),
     ],
 )
-def test_tables_are_read_as_spreadsheets_write_them(change, warned, tmp_path):
+def test_tables_are_read_as_spreadsheets_write_them(change, tmp_path):
     plain = write_flight(small_flight(), tmp_path / "small")
     other = as_written(shutil.copytree(plain, tmp_path / "other"), change)
     report = check_flight(other)
-    assert report.usable and len(report.warnings) == 2 * warned
+    assert report.usable and not report.warnings
     assert read_flight(other).data_hash == read_flight(plain).data_hash
 
 

@@ -1,6 +1,5 @@
 """Frames of a flight: files, a video, a bag; all are asked in one way."""
 
-import pickle
 from dataclasses import replace
 
 import cv2
@@ -72,11 +71,6 @@ def test_passed_over_is_not_decoded_and_going_back_starts_anew(tmp_path):
     assert (frames.opened, frames.wanted) == (1, [1, 4])
     frames[2]
     assert (frames.opened, frames.wanted) == (2, [1, 4, 2])
-
-
-def test_it_travels_to_another_process(video):
-    video[3]
-    assert level(pickle.loads(pickle.dumps(video))[2]) == 2
 
 
 def test_what_can_no_longer_be_read_is_named(video):

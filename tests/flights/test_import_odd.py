@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import sqlite3
-from contextlib import closing
 
 import cv2
 import numpy as np
@@ -107,9 +105,6 @@ def test_a_video_s_offset_is_found_over_gaps_in_its_positions():
     track = PoseTrack(np.rint(time * 1e9).astype(np.int64), position)
     offset, correlation = estimate_offset(time[:160], speed[40:200], track)
     assert abs(offset - 2) < 0.1 and correlation > 0.9
-    backwards = PoseTrack(track.time_ns[::-1], position)
-    with pytest.raises(TrextonError, match="do not all increase: sort them"):
-        estimate_offset(time[:160], speed[40:200], backwards)
 
 
 @pytest.mark.parametrize(
@@ -176,11 +171,11 @@ def test_a_lens_of_another_model_is_not_undistorted_as_a_pinhole(tmp_path):
     text = sensor.read_text()
     sensor.write_text(text + "distortion_model: equidistant\n")
     with pytest.raises(TrextonError, match="no calibration with radial and tangential distortion"):
-        import_flight(source, tmp_path / "out", settings={"undistort": "own"})
+        import_flight(source, tmp_path / "out", settings={"undistort": str(sensor)})
     assert import_flight(source, tmp_path / "out")[0].camera is not None
     sensor.write_text(text.replace("0.00002]", "0.00002, 1, 1, 1]"))
     with pytest.raises(TrextonError, match="7 distortion coefficients: OpenCV takes 4, 5"):
-        import_flight(source, tmp_path / "seven", settings={"undistort": "own"})
+        import_flight(source, tmp_path / "seven", settings={"undistort": str(sensor)})
 
 
 def test_a_name_that_is_not_utf_8_is_read(tmp_path):
@@ -222,22 +217,6 @@ def test_a_packed_bag_is_read_but_not_one_that_unpacks_to_gigabytes(
         import_flight(tmp_path / "bag", tmp_path / "other")
 
 
-@pytest.mark.parametrize(
-    "computed",
-    [
-        "CREATE VIEW v AS WITH RECURSIVE r(i) AS (VALUES(1) UNION SELECT i + 1 FROM r) SELECT 1",
-        "CREATE TABLE t (a, b GENERATED ALWAYS AS (zeroblob(900000000)))",
-    ],
-)
-def test_a_bag_whose_messages_are_computed_is_refused(tmp_path, computed):
-    write_bag(tmp_path / "bag")
-    (file,) = (tmp_path / "bag").glob("*.db3")
-    with closing(sqlite3.connect(file)) as base:
-        base.execute(computed)
-    with pytest.raises(TrextonError, match="is computed: expected stored messages"):
-        import_flight(tmp_path / "bag", tmp_path / "out")
-
-
 def test_a_video_that_declares_too_much_is_refused_before_a_frame_is_made(tmp_path, monkeypatch):
     path = film(tmp_path / "v.avi", map(picture, range(4)))
     (tmp_path / "p.csv").write_text("t,x,y\n0,1,2\n1,1,2\n")
@@ -254,7 +233,7 @@ def test_a_video_that_declares_too_much_is_refused_before_a_frame_is_made(tmp_pa
         ("a.csv", "a,b\n1,2\n", "a.csv has the columns a, b"),
         ("b.csv", "t,x,y,image\n0,1,2,0.png\n1,2\n", "b.csv, row 3: 2 fields where 4 are named"),
         ("c.csv", "", "c.csv: no rows"),
-        ("d", None, "d is an empty folder"),
+        ("d", None, "d is of no kind that is recognised"),
     ],
 )
 def test_what_is_no_recording_is_said_by_what_it_holds(tmp_path, name, text, said):

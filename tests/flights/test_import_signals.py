@@ -39,8 +39,8 @@ def test_an_import_is_recognised_and_becomes_a_flight(tmp_path):
     [
         ("time,source,value\n1,a,2\n", "no column 'stamp'"),
         ("stamp,source,value\n1,a,loud\n", "loud"),
-        ("stamp,source,value\n1,a\n", "row 1 has less"),
-        ("stamp,source,value\n", "there is no row"),
+        ("stamp,source,value\n1,a\n", "row 2: 2 fields where 3"),
+        ("stamp,source,value\n", "no rows"),
     ],
 )
 def test_what_is_no_log_is_named(tmp_path, text, said):
@@ -53,7 +53,10 @@ def test_what_is_no_log_is_named(tmp_path, text, said):
 def test_the_public_walks_become_one_flight_with_splits(tmp_path):
     files = [tmp_path / f"{name}.mbd" for name in ("straight", "rectangular")]
     for number, file in enumerate(files):
-        rows = [f"{9 - number}{row}.0,r{row % 2},beacon,-{60 + row},{row},1,2" for row in range(4)]
+        rows = [
+            f"{9 - number}{row}.0,r{row % 2},beacon,-{60 + row},{row},1,2" + ",0" * 10
+            for row in range(4)
+        ]
         file.write_text("\n".join(rows))
     flight = read_ble(*files)
     assert flight.split == {"train": (0, 3), "test": (4, 7)}

@@ -40,7 +40,7 @@ def bent(image: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A table of positions beside distorted pictures, a calibration and a mask; and the flight."""
+    """A table of positions beside distorted pictures, and a calibration; and the flight."""
     folder = tmp_path_factory.mktemp("raw")
     flight = record_flight(
         folder / "sim", frames=120, every=3, camera=CAMERA, floor=colourful_floor()
@@ -52,9 +52,6 @@ def place(tmp_path_factory):
         x, y = flight.position[row]
         rows.append(f"{row:03d}.png,{flight.time[row]},{x},{y}")
     (folder / "images" / "positions.csv").write_text("\n".join(rows) + "\n")
-    mask = np.zeros((192, 256), np.uint8)
-    mask[12:180, 16:240] = 255
-    cv2.imwrite(str(folder / "mask.png"), mask)
     storage = cv2.FileStorage(str(folder / "lens.yml"), cv2.FILE_STORAGE_WRITE)
     for name, value in (
         ("image_width", 256), ("image_height", 192),
@@ -72,7 +69,7 @@ def imported(place):
         place / "images" / "positions.csv", place / "flight", kind="csv",
         settings={
             "image": "image", "time": "t", "undistort": str(place / "lens.yml"),
-            "mask": str(place / "mask.png"), "scale": 0.5,
+            "crop": "16,12,224,168", "scale": 0.5,
         },
     )[0]  # fmt: skip
 

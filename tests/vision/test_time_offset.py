@@ -10,7 +10,6 @@ import pytest
 from trexton.flights import read_flight, write_flight
 from trexton.flights.check import check_flight, repair_flight
 from trexton.flights.flight import Flight
-from trexton.flights.repair import with_poses_of
 from trexton.simulator import Effects, Floor, Simulator, record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.time_offset import small, time_offset, turns
@@ -128,20 +127,25 @@ def test_a_recorded_flight_whose_clocks_differ_is_told(tmp_path, what):
     )  # fmt: skip
     shifted = flight
     if what == "late":
-        shifted = with_poses_of(flight, -0.24)
+        before = flight.time + 0.24
+        columns = (*flight.position.T, flight.attitude[:, 2])
+        x, y, yaw = (np.interp(before, flight.time, each) for each in columns)
+        shifted = replace(
+            flight,
+            position=np.column_stack([x, y]),
+            attitude=np.column_stack([flight.attitude[:, :2], yaw]),
+        )
     elif what == "clockwise":
         shifted = replace(flight, attitude=flight.attitude * (1, 1, -1))
     path = write_flight(shifted, tmp_path / what)
     warnings = [each for each in check_flight(path).warnings if "the pictures" in each]
     assert len(warnings) == (what != "as it is")
     if what == "late":
-        assert "turn 0.2" in warnings[0] and "after the yaw" in warnings[0]
+        assert "turn 0.2" in warnings[0] and "--offset 0.2" in warnings[0]
     if what == "clockwise":
         assert "counted clockwise" in warnings[0]
     done = repair_flight(path, tmp_path / "mended")
     mended = read_flight(tmp_path / "mended")
-    assert ("not repaired" in " ".join(done), len(mended)) == (False, len(flight))
-    apart = np.abs(mended.position - flight.position)[mended.located].max()
-    assert apart < (0.05 if what == "late" else 1e-9)
+    assert ("not repaired" in " ".join(done)) == (what == "late")
     if what == "clockwise":
         np.testing.assert_allclose(mended.attitude, flight.attitude)

@@ -13,12 +13,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs.add_parser("list", help="the names, what they are, and whether they are on this machine")
     get = verbs.add_parser("fetch", help="download, check the SHA-256, write a Flight folder")
     get.add_argument("name", metavar="NAME", help="a name from the list")
-    get.add_argument(
-        "--from",
-        dest="source",
-        metavar="DIR",
-        help="take the raw files from this folder, download nothing",
-    )
     get.add_argument("--out", metavar="DIR", help="where to put it (default: data/flights/NAME)")
     get.add_argument("--replace", action="store_true", help="replace what is there")
 
@@ -33,5 +27,5 @@ def run(arguments: argparse.Namespace) -> int:
             )
         return 0
     out = Path(arguments.out or Path("data") / "flights" / arguments.name)
-    print(fetch(arguments.name, out, arguments.source, arguments.replace))
+    print(fetch(arguments.name, out, arguments.replace))
     return 0

@@ -85,14 +85,11 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     if not arguments.out:
         raise ParameterError("name the folder to write with --out, or say --dry-run")
+    out = arguments.out
     flight, remarks = import_flight(
-        source, arguments.out, kind=chosen, settings=settings, replaced=arguments.replace
+        source, out, kind=chosen, settings=settings, replaced=arguments.replace
     )
-    for line in remarks:
-        say(line)
     seconds = flight.time[-1] - flight.time[0]
-    say(
-        f"{arguments.out}: {len(flight)} frames, {seconds:.1f} s; next: trexton check "
-        f"{arguments.out}"
-    )
+    said = f"{out}: {len(flight)} frames, {seconds:.1f} s; next: trexton check {out}"
+    say("\n".join([*remarks, said]))
     return 0

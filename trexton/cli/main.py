@@ -146,7 +146,7 @@ def sentence(error: Exception) -> str | None:
         name = ascii(error.object[max(0, error.start - 20) : error.end + 20])
         return f"a name is not UTF-8 (at {name}): rename the file or folder"
     if isinstance(error, MemoryError):
-        return "the memory does not suffice: use fewer frames, smaller images or another machine"
+        return "the memory does not suffice: use fewer frames, or smaller images"
     if isinstance(error, RuntimeError) and "home directory" in str(error):
         return "no home folder is known: set HOME to a folder that may be written to"
     if isinstance(error, RecursionError):

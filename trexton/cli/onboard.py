@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import _thread
 import argparse
-from collections.abc import Sequence
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
 
 from trexton.base.arguments import add_assignments, add_options, chosen_options
 from trexton.base.options import Options
 
-__all__ = ["add_arguments", "run"]
+__all__ = ["add_arguments", "run", "set_elsewhere", "stopped_by_signals"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +48,6 @@ def run(arguments: argparse.Namespace) -> int:
 
     from trexton.base.errors import TrextonError
     from trexton.base.records import plain
-    from trexton.cli.signals import stopped_by_signals
     from trexton.onboard import Settings, build
     from trexton.onboard.settings import Flying
     from trexton.onboard.voice import flush, say
@@ -94,3 +98,39 @@ def _classes(words: Sequence[str]) -> list[type[Options]]:
     sources = edge_classes("sources", SOURCES, typed("--camera"))
     sinks = edge_classes("sinks", SINKS, typed("--output"))
     return [Flying, MapPlacement, Landing, *classes_of_options([*sources, *sinks])]
+
+
+def set_elsewhere(event: threading.Event) -> None:
+    """Set an event from a signal handler, whatever the thread that it interrupts is at.
+
+    That one may hold the event's lock, and setting it there would wait for that lock for ever: a
+    thread of its own waits instead, begun without any lock.
+    """
+    _thread.start_new_thread(event.set, ())
+
+
+@contextmanager
+def stopped_by_signals() -> Iterator[threading.Event]:
+    """An event that the first SIGINT or SIGTERM sets; a second one ends the flight at once. SIGHUP
+    ends nothing: a terminal that was closed, or a link that broke, is only for eyes.
+    """
+    stop = threading.Event()
+    endings = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.getsignal(number) for number in (*endings, signal.SIGHUP)}
+
+    def restore() -> None:
+        for number in endings:
+            signal.signal(number, before[number])
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        set_elsewhere(stop)
+        restore()
+
+    for number in endings:
+        signal.signal(number, handle)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        yield stop
+    finally:
+        restore()
+        signal.signal(signal.SIGHUP, before[signal.SIGHUP])

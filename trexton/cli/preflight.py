@@ -88,7 +88,6 @@ def preflight(settings: Settings, seconds: float = DURATION) -> list[Check]:
     pictures = [frame.picture for frame in frames if frame.picture is not None]
     return [
         *_of_camera(settings.of(Flying).camera, onboard, pictures),
-        *_of_contradictions(onboard),
         *_of_map(onboard.localizer, frames),
         *_of_delay(watched),
         *_of_links(settings, onboard, ended),
@@ -104,6 +103,10 @@ def _of_camera(address: str, onboard: Onboard, pictures: list[np.ndarray]) -> It
     words = words if pictures else f"{address} gives no frames: check cable, permissions, --camera"
     usable = bool(pictures) and 2 * observed > tally["frames"]
     yield Check("camera", usable, words + (f" (faults: {said})" if said else ""))
+    for what, causes in CAUSES.items():
+        if many := tally[what]:
+            words = f"{many} of {tally['frames']} frames contradict it: look at {causes}"
+            yield Check(what, False, words)
     if not sizes:
         return
     lumas = [picture[..., 0] for picture in pictures]
@@ -116,27 +119,16 @@ def _of_camera(address: str, onboard: Onboard, pictures: list[np.ndarray]) -> It
     yield Check("exposure", off <= MAX_SATURATED, words + advice)
 
 
-def _of_contradictions(onboard: Onboard) -> Iterator[Check]:
-    """Which aiding the frames contradict, if any."""
-    for what, causes in CAUSES.items():
-        if many := onboard.tally[what]:
-            words = f"{many} of {onboard.tally['frames']} frames contradict it: look at {causes}"
-            yield Check(what, False, words)
-
-
 def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
     """How far what is seen is from the map, beside the map's own frames from each other."""
     texton_map, nearest = localizer.map, localizer.nearest
     everywhere = Localizer(texton_map, samples=None, nearest=nearest, rng=np.random.default_rng(1))
-    if not frames:
+    seen = [(each.picture, each.aiding) for each in frames if each.picture is not None]
+    if not seen:
         yield Check("map", False, "nothing was seen to compare it with")
         return
     try:
-        observations = [
-            everywhere.observe(each.picture, aiding=each.aiding)
-            for each in frames
-            if each.picture is not None
-        ]
+        observations = [everywhere.observe(picture, aiding=aiding) for picture, aiding in seen]
         histograms, time_s = texton_map.histograms, texton_map.time
         rows = neighbors_in_flight(nearest, histograms, time_s, 1, EXCLUDED_SECONDS)[:, 0]
     except TrextonError as error:

@@ -61,15 +61,9 @@ def run(arguments: argparse.Namespace) -> int:
     effects = Effects.none() if "all" in arguments.off else Effects().without(*arguments.off)
     strengths = Effects.checked(assignments(arguments.settings, "effect=value"), "a camera")
     flight = record_flight(
-        arguments.out,
-        pattern=options.pattern,
-        frames=options.frames,
-        seed=options.seed,
-        floor=floor,
-        effects=replace(effects, **strengths),
-        height=options.height,
-        every=options.every,
-        replace=arguments.replace,
-    )
+        arguments.out, pattern=options.pattern, frames=options.frames, seed=options.seed,
+        floor=floor, effects=replace(effects, **strengths), height=options.height,
+        every=options.every, replace=arguments.replace,
+    )  # fmt: skip
     say(f"{arguments.out}: {len(flight)} frames, {flight.time[-1] - flight.time[0]:.1f} s")
     return 0

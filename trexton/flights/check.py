@@ -59,16 +59,16 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
     raised.
     """
     reading = load_folder(Path(path))
-    images = _Images.of(reading)
+    sizes, unusable, frozen = _images(reading)
     found = [] if reading.flight is None else facts(reading.flight)
     if reading.image_files:
-        counts = (f"{count} of {_size(size)}" for size, count in images.sizes.items())
+        counts = (f"{count} of {_size(size)}" for size, count in sizes.items())
         found.append(("images", ", ".join(counts) or "none readable"))
-    faults, warnings = reading.faults + list(images.unusable.values()), reading.warnings
-    if images.frozen:
+    faults, warnings = reading.faults + list(unusable.values()), reading.warnings
+    if frozen:
         warnings.append(
-            f"{path}: {count_of(len(images.frozen), 'picture')} like the one before to the byte "
-            f"(first: frames.csv, row {images.frozen[0]}): where the camera was frozen, leave the "
+            f"{path}: {count_of(len(frozen), 'picture')} like the one before to the byte "
+            f"(first: frames.csv, row {frozen[0]}): where the camera was frozen, leave the "
             "frames out"
         )
     if reading.flight is not None:
@@ -80,51 +80,35 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
     return Report(Path(path), found, faults, warnings)
 
 
-@dataclass
-class _Images:
-    """What the images of a flight are.
-
-    Attributes
-    ----------
-    sizes : counts by (width, height)
-    unusable : dict of int to str
-        Rows of frames.csv whose image cannot be read or is of another size, with a sentence.
-    frozen : list of int
-        Rows whose picture is that of the row before to the bit.
+def _images(reading: Reading) -> tuple[Counter[tuple[int, int]], dict[int, str], list[int]]:
+    """What decoding every image shows: how many are of each size; by its row in frames.csv, what
+    keeps one from being used; and the rows whose picture is the one before to the bit.
     """
-
-    sizes: Counter[tuple[int, int]] = field(default_factory=Counter)
-    unusable: dict[int, str] = field(default_factory=dict)
-    frozen: list[int] = field(default_factory=list)
-
-    @classmethod
-    def of(cls, reading: Reading) -> _Images:
-        """By decoding every one that is there."""
-        found, before = cls(), b""
-        places: dict[int, tuple[Path, tuple[int, int]]] = {}
-        for row, file in progress(reading.image_files, "images"):
-            try:
-                image = read_image(file)
-            except ImageError as error:
-                found.unusable[row] = f"frames.csv, row {row}: {error}"
-                continue
-            content = hashlib.sha256(np.ascontiguousarray(image).data).digest()
-            if content == before:
-                found.frozen.append(row)
-            before = content
-            places[row] = file, (image.shape[1], image.shape[0])
-        found.sizes.update(size for _, size in places.values())
-        camera = reading.flight.camera if reading.flight else None
-        usual = found.sizes.most_common(1)[0][0] if places else (0, 0)
-        expected = (camera.width, camera.height) if camera else usual
-        whose = "[camera] says" if camera else "most are"
-        for row, (file, size) in places.items():
-            if size != expected:
-                found.unusable[row] = (
-                    f"frames.csv, row {row}: {file} is {_size(size)} where {whose} "
-                    f"{_size(expected)}: all images of a flight have one size"
-                )
-        return found
+    places: dict[int, tuple[Path, tuple[int, int]]] = {}
+    unusable, frozen, before = {}, [], b""
+    for row, file in progress(reading.image_files, "images"):
+        try:
+            image = read_image(file)
+        except ImageError as error:
+            unusable[row] = f"frames.csv, row {row}: {error}"
+            continue
+        content = hashlib.sha256(np.ascontiguousarray(image).data).digest()
+        if content == before:
+            frozen.append(row)
+        before = content
+        places[row] = file, (image.shape[1], image.shape[0])
+    sizes = Counter(size for _, size in places.values())
+    camera = reading.flight.camera if reading.flight else None
+    usual = sizes.most_common(1)[0][0] if places else (0, 0)
+    expected = (camera.width, camera.height) if camera else usual
+    whose = "[camera] says" if camera else "most are"
+    for row, (file, size) in places.items():
+        if size != expected:
+            unusable[row] = (
+                f"frames.csv, row {row}: {file} is {_size(size)} where {whose} {_size(expected)}: "
+                "all images of a flight have one size"
+            )
+    return sizes, unusable, frozen
 
 
 def facts(flight: Flight) -> list[tuple[str, str]]:
@@ -151,12 +135,8 @@ def facts(flight: Flight) -> list[tuple[str, str]]:
     if flight.attitude is not None:
         angles = zip(("roll", "pitch", "yaw"), flight.attitude.T, strict=True)
         rows["attitude"] = ", ".join(f"{name} {_span(angle)}" for name, angle in angles) + " rad"
-    if (histograms := flight.histograms) is not None:
-        sums = histograms.sum(axis=1)
-        rows["histograms"] = (
-            f"{len(sums)} of {histograms.shape[1]} {flight.features}, sums {sums.min():.4f} to "
-            f"{sums.max():.4f}"
-        )
+    if flight.histograms is not None:
+        rows["histograms"] = "{} of {} ".format(*flight.histograms.shape) + flight.features
     for name, (first, last) in flight.split.items():
         count = int(((flight.frame >= first) & (flight.frame <= last)).sum())
         rows[f"split {name}"] = f"{first} to {last} ({count_of(count, 'frame')})"
@@ -193,10 +173,10 @@ def repair_flight(
     reading = load_folder(Path(path), done)
     if reading.flight is None:
         raise FlightError(reading.faults[0])
-    flight, images = reading.flight, _Images.of(reading)
-    if left_out := {*images.unusable, *images.frozen}:
+    flight, (_, unusable, frozen) = reading.flight, _images(reading)
+    if left_out := {*unusable, *frozen}:
         if len(left_out) == len(flight):
-            raise FlightError(f"{path}/{next(iter(images.unusable.values()))}")
+            raise FlightError(f"{path}/{next(iter(unusable.values()))}")
         done.append(
             f"{count_of(len(left_out), 'frame')} left out whose image cannot be read, is of "
             "another size, or is the one before"

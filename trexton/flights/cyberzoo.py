@@ -8,7 +8,6 @@ import os
 
 import numpy as np
 
-from trexton.base.errors import DataError
 from trexton.flights.flight import Flight, area_around
 
 __all__ = ["read_cyberzoo"]
@@ -16,7 +15,6 @@ __all__ = ["read_cyberzoo"]
 PERIOD_S = 0.08  # Sec. Speed Versus Accuracy: the autopilot software received 12.5 images a second
 # Frame 0 has no histogram, and the last row of the histogram table has no frame.
 FIRST, LAST = 1, 624
-_TEXTONS = 20
 
 NOTES = (
     "The authors' program never cleared its histogram: each row carries a trace (1/n) of the row "
@@ -37,20 +35,10 @@ def read_cyberzoo(
 
     Splits in time order: ``train`` 1-325 and ``test`` 326-624; mirrored, ``train_mirrored`` the
     last 325 and ``test_mirrored`` the rest.
-
-    Raises
-    ------
-    DataError
-        A table has another shape than the published one.
     """
-    histograms = _table(histogram_file, skip=0, columns=_TEXTONS, rows=LAST + 2)
-    log = _table(position_file, skip=1, columns=4, rows=LAST + 1)
+    histograms = np.loadtxt(histogram_file, delimiter=",")
+    log = np.loadtxt(position_file, delimiter=",", skiprows=1)
     frame = np.arange(FIRST, LAST + 1)
-    if not np.array_equal(log[:, 0], np.arange(LAST + 1)):
-        raise DataError(
-            f"{position_file}: its ids are not 0 to {LAST} in order: it is another version, fetch "
-            "it again"
-        )
     position = log[frame, 1:3] / 100
     return Flight(
         name="cyberzoo",
@@ -68,16 +56,3 @@ def read_cyberzoo(
         licence="GPL-2.0",
         notes=NOTES,
     )  # fmt: skip
-
-
-def _table(path: str | os.PathLike[str], skip: int, columns: int, rows: int) -> np.ndarray:
-    try:
-        table = np.loadtxt(path, delimiter=",", skiprows=skip, ndmin=2)
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: not a table of numbers ({error}): fetch it again") from None
-    if table.shape != (rows, columns):
-        raise DataError(
-            f"{path}: {table.shape[0]} x {table.shape[1]} numbers, expected {rows} x {columns}: "
-            "fetch it again"
-        )
-    return table

@@ -127,18 +127,14 @@ class Flight:
 
     def _numbers(self, key: str, value: Any) -> np.ndarray:
         """A column as an array, NaN where it is masked; dates would be counted in nanoseconds."""
-        kind = np.asarray(value).dtype
-        try:
-            if kind.kind in "mM" or key == "frame" and kind.kind not in "iuf":
-                raise ValueError(kind)
-            if isinstance(value, np.ma.MaskedArray) and key != "frame":
-                value = np.ma.filled(value.astype(float), np.nan)
-            numbers = np.asarray(value, dtype=None if key == "frame" else float)
-        except (TypeError, ValueError):
+        numbers = np.asarray(value)
+        if numbers.dtype.kind not in "iuf":
             unit = " of seconds" if key == "time" else ""
             raise FlightError(
-                f"flight {self.name!r} has {key} of type {kind}: expected numbers{unit}"
-            ) from None
+                f"flight {self.name!r} has {key} of type {numbers.dtype}: expected numbers{unit}"
+            )
+        if key != "frame":
+            numbers = np.ma.filled(np.ma.asarray(value, dtype=float), np.nan)
         columns = _COLUMNS.get(key, "")
         fitting = ("", "K", *map(str, numbers.shape[1:]))
         if numbers.ndim != 1 + bool(columns) or columns not in fitting:
@@ -192,13 +188,12 @@ class Flight:
             )
         image = self.frames[index]
         # The first that is read says the size: to look at row 0 would start a video anew.
-        usual = self.__dict__.setdefault("_size", image.shape[:2])
-        if image.shape[:2] != usual:
-            (height, width), (rows, columns) = image.shape[:2], usual
+        usual = self.__dict__.setdefault("_size", image.shape[1::-1])
+        if image.shape[1::-1] != usual:
             raise FlightError(
-                f"flight {self.name!r}: the image of frame {self.frame[index]} is {width}x{height} "
-                f"where another is {columns}x{rows}: all images of a flight have one size, drop "
-                "or scale those of another"
+                f"flight {self.name!r}: the image of frame {self.frame[index]} is "
+                f"{image.shape[1]}x{image.shape[0]} where another is {usual[0]}x{usual[1]}: all "
+                "images of a flight have one size, drop or scale those of another"
             )
         return image
 

@@ -123,12 +123,10 @@ def load_folder(path: Path, repaired: list[str] | None = None) -> Reading:
 
 def _read(path: Path, reading: Reading) -> TextTable | None:
     try:
-        table = read_table(path)
+        return read_table(path)
     except FlightError as error:
         reading.faults.append(str(error))
         return None
-    reading.warnings += table.unusual()
-    return table
 
 
 def _columns(table: TextTable, reading: Reading) -> Columns | None:

@@ -6,7 +6,6 @@ read `Forward`.
 
 from __future__ import annotations
 
-import threading
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,15 +21,8 @@ from trexton.base.files import digest
 from trexton.vision.images import check_capture, read_image, yuv_from_bgr
 
 __all__ = [
-    "Forward",
-    "Frames",
-    "ImageFiles",
-    "Selected",
-    "VideoFrames",
-    "announced_frames",
-    "select_frames",
-    "stamped_frames",
-]
+    "Forward", "Frames", "ImageFiles", "Selected", "VideoFrames", "select_frames", "stamped_frames",
+]  # fmt: skip
 
 
 class Frames(Protocol):
@@ -90,23 +82,15 @@ def select_frames(frames: Frames, rows: np.ndarray) -> Frames:
 
 
 class Forward:
-    """Frames of a source that can only be read forwards; going back starts anew.
+    """Frames of a source that can only be read forwards, by one thread; going back starts anew.
 
     A subclass gives `items`, which are cheap to pass over, and decodes the one that is wanted.
     """
 
     def __init__(self, source: Path, count: int):
         self.source, self._count = source, count
-        self.__setstate__({})
-
-    def __getstate__(self) -> dict[str, Any]:
-        left = ("_stream", "_lock", "_next")  # another process opens the source itself
-        return {key: value for key, value in self.__dict__.items() if key not in left}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
         self._stream: Iterator[Any] | None = None
-        self._lock, self._next = threading.Lock(), 0
+        self._next = 0
 
     @abstractmethod
     def items(self) -> Iterator[Any]:
@@ -122,15 +106,14 @@ class Forward:
     def __getitem__(self, row: int) -> np.ndarray:
         if not 0 <= row < self._count:
             raise IndexError(row)
-        with self._lock:
-            if self._stream is None or row < self._next:
-                self._stream, self._next = self.items(), 0
-            for item in self._stream:
-                self._next += 1
-                if self._next > row:
-                    if self._next == self._count:
-                        self._stream = None  # what was opened is closed with the last
-                    return yuv_from_bgr(self.decoded(item))
+        if self._stream is None or row < self._next:
+            self._stream, self._next = self.items(), 0
+        for item in self._stream:
+            self._next += 1
+            if self._next > row:
+                if self._next == self._count:
+                    self._stream = None  # what was opened is closed with the last
+                return yuv_from_bgr(self.decoded(item))
         raise FlightError(
             f"{self.source}: frame {row} can no longer be read: record or copy it again"
         )
@@ -151,11 +134,16 @@ class VideoFrames(Forward):
         return item
 
 
-def stamped_frames(video: Path) -> Iterator[tuple[float, np.ndarray]]:
-    """Stamp in seconds and BGR of each frame; where stamps are missing, by the stated rate."""
+def stamped_frames(video: Path, announced: list[float] | None = None) -> Iterator[Any]:
+    """Stamp in seconds and BGR of each frame; where stamps are missing, by the stated rate.
+
+    How many frames the head of the file names goes into `announced`.
+    """
     capture = cv2.VideoCapture(str(video))
     try:
         check_capture(capture, video)
+        if announced is not None:
+            announced.append(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         rate = capture.get(cv2.CAP_PROP_FPS) or 25.0
         last, number = -1.0, 0
         while True:
@@ -166,15 +154,5 @@ def stamped_frames(video: Path) -> Iterator[tuple[float, np.ndarray]]:
             stamp = stamp if stamp > last else last + 1 / rate if number else 0.0
             yield stamp, frame
             last, number = stamp, number + 1
-    finally:
-        capture.release()
-
-
-def announced_frames(video: Path) -> int:
-    """How many frames the head of the file names; 0 where nothing tells."""
-    capture = cv2.VideoCapture(str(video))
-    try:
-        count = capture.get(cv2.CAP_PROP_FRAME_COUNT)
-        return int(count) if 0 < count < 1e9 else 0
     finally:
         capture.release()

@@ -23,14 +23,14 @@ from trexton.base.options import Options, option
 from trexton.flights.check import facts
 from trexton.flights.flight import Flight, area_around
 from trexton.flights.folder import load_folder, read_flight
-from trexton.flights.frames import ImageFiles, select_frames
+from trexton.flights.frames import ImageFiles
 from trexton.flights.header import FARTHEST
 from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.axes import TAKEN
-from trexton.flights.importers.images import Change, write_images
+from trexton.flights.importers.images import of_one_size, rectification_of, write_images
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, match
-from trexton.flights.tracking import lost_rows
 from trexton.flights.writing import write_tables
+from trexton.vision.camera import Rectification
 
 __all__ = ["Common", "import_flight", "preview_import"]
 
@@ -42,10 +42,8 @@ class Common(Options):
     tolerance: float = option(0.1, "seconds between a frame and a position", low=0)
     offset: float = option(0.0, "seconds to add to the stamps of the positions")
     scale: float = option(1.0, "size of the images written, as a share", low=0.01, high=1)
-    undistort: str = option(
-        "", "calibration to undistort by: file of OpenCV, EuRoC or Kalibr, or own"
-    )
-    mask: str = option("", "picture that is black where the vehicle itself is seen")
+    undistort: str = option("", "calibration to undistort by: file of OpenCV, EuRoC or Kalibr")
+    crop: str = option("", "part of the images to keep, x,y,width,height in pixels")
     split: float = option(
         0.0, "share of the frames for training, the rest for test; 0: no splits", low=0, high=1
     )
@@ -94,10 +92,12 @@ def import_flight(
     beside = source.resolve() in out.resolve().parents  # a flight may lie in its source's folder
     check_not_read(out, *read, *(() if beside else (source,)))
     with atomic_folder(out, replaced) as work:
-        if recording.frames is not None and plan.change is not None:
+        if recording.frames is not None and plan.rectification is not None:
             (work / "images").mkdir()
-            frames, said = write_images(recording.frames, plan.change, work / "images")
+            frames = write_images(recording.frames, plan.rectification, work / "images")
             flight = replace(flight, frames=frames)
+            width, height = plan.rectification.size
+            said = [f"{len(frames)} images of {width}x{height}"]
         write_tables(flight, work)
         if faults := load_folder(work).faults:  # what cannot be read replaces nothing
             raise FlightError(faults[0].replace(str(work), str(out)))
@@ -106,24 +106,15 @@ def import_flight(
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """What an import will write: what cannot be right is found before images are written, which
-    may take long.
-
-    Attributes
-    ----------
-    options : dict
-        Of the importer and of `Common`, as they are taken.
-    flight : Flight
-        Without its images.
-    matched : list of str
-        What to know of its positions.
+    """What an import will write, but its images: what cannot be right is found before they are
+    written, which may take long. `options` and `matched`: what is taken, what to know of it.
     """
 
     kind: str
     options: dict[str, object]
     recording: Recording
     flight: Flight
-    change: Change | None
+    rectification: Rectification | None
     matched: list[str]
 
     @classmethod
@@ -139,21 +130,17 @@ class _Plan:
         names -= {each.name for each in module.Settings.declared()}
         common = Common.parse({key: given.pop(key) for key in list(given) if key in names})
         chosen = module.Settings.parse(given, f"import {kind}")
-        recording = _ordered(module.read(source, chosen))
+        recording = of_one_size(_ordered(module.read(source, chosen)))
         split = _split(common.split, len(recording.time_ns))
         placed, words = _placed(recording, common)
-        if recording.track is not None and "offset" in names:
-            words.append(
-                f"{common.offset:g} s added to the stamps of the positions, as given"
-                if common.offset
-                else "stamps of frames and positions taken as of one clock"
-            )
-        change = None
-        if recording.frames is not None:
-            change = Change.of(recording, source, common.undistort, common.mask, common.scale)
-        flight = _flight(recording, placed, change, common.name or name or source.stem)
+        if recording.track is not None and "offset" in names and not common.offset:
+            words.append("stamps of frames and positions taken as of one clock")
+        done = None
+        if (frames := recording.frames) is not None:
+            done = rectification_of(frames, common.undistort, common.crop, common.scale)
+        flight = _flight(recording, placed, done, common.name or name or source.stem)
         options = {**chosen.as_dict(), **common.as_dict()}
-        return cls(kind, options, recording, replace(flight, split=split), change, words)
+        return cls(kind, options, recording, replace(flight, split=split), done, words)
 
 
 def preview_import(
@@ -183,8 +170,8 @@ def preview_import(
         count = len(track.time_ns)
         rows.append(("clock", f"{count} positions from {begin:.3f} to {end:.3f} s of the frames'"))
     rows += facts(flight)
-    if plan.change is not None:
-        rows.append(("images", "x".join(map(str, plan.change.rectification.size)) + " pixels"))
+    if plan.rectification is not None:
+        rows.append(("images", "x".join(map(str, plan.rectification.size)) + " pixels"))
     return rows + [("found", line) for line in (*recording.said, *plan.matched)]
 
 
@@ -198,13 +185,7 @@ def _ordered(recording: Recording) -> Recording:
         return recording
     dropped = len(stamps) - len(order)
     said = f"frames put in order of their stamps, {dropped} of repeated stamps dropped"
-    return replace(
-        recording,
-        time_ns=stamps[order],
-        frames=None if recording.frames is None else select_frames(recording.frames, order),
-        histograms=None if recording.histograms is None else recording.histograms[order],
-        said=[*recording.said, said],
-    )
+    return recording.rows(order, said)
 
 
 def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]:
@@ -212,23 +193,16 @@ def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]
     stamps = recording.time_ns
     if recording.track is None:
         return PoseTrack(stamps, np.full((len(stamps), 3), np.nan)), ["no positions in the source"]
-    track = recording.track.located()
-    farthest = np.nanmax(np.abs(track.position))
+    farthest = np.nanmax(np.abs(recording.track.position), initial=0)
     if farthest > FARTHEST:
         raise FlightError(
             f"a position is {farthest:g} m from the origin: no such place on Earth, correct it or "
             "name its unit"
         )
-    placed, gap_s = match(stamps, track.shifted(common.offset), common.tolerance)
+    placed, gap_s = match(stamps, recording.track.shifted(common.offset), common.tolerance)
     count = np.isfinite(placed.position[:, 0]).sum()
-    said = [
-        f"{len(rows)} rows of positions lie {how}: was tracking lost? trexton check names the "
-        "frames, with --repair it leaves them out"
-        for how, rows in lost_rows((track.time_ns - track.time_ns[0]) / NANO, track.position)
-        if len(rows)
-    ]
     found = f"{count} of {len(stamps)} frames have a position"
-    return placed, [*said, f"{found}, largest gap between positions used {gap_s:.3f} s"]
+    return placed, [f"{found}, largest gap between positions used {gap_s:.3f} s"]
 
 
 def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
@@ -237,15 +211,16 @@ def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
         return {}
     trained = round(share * count)
     if not 0 < trained < count:
-        part = "training" if trained == 0 else "test"
         raise ParameterError(
-            f"split is {share:g}, which leaves none of {count} frames for {part}: choose another "
+            f"split is {share:g}, which leaves none of {count} frames for a part: choose another "
             "share, or none, and test on another flight"
         )
     return {"train": (0, trained - 1), "test": (trained, count - 1)}
 
 
-def _flight(recording: Recording, placed: PoseTrack, change: Change | None, name: str) -> Flight:
+def _flight(
+    recording: Recording, placed: PoseTrack, done: Rectification | None, name: str
+) -> Flight:
     place, height = placed.position[:, :2], placed.position[:, 2]
     located = np.isfinite(place).all(axis=1).any()
     first = int(recording.time_ns[0])
@@ -260,10 +235,9 @@ def _flight(recording: Recording, placed: PoseTrack, change: Change | None, name
         attitude=placed.attitude,
         histograms=recording.histograms,
         features=recording.features,
-        rectification=change.rectification if change and change.rectification.changes else None,
-        camera=change.rectification.camera(recording.camera) if change else recording.camera,
+        rectification=done if done and done.changes else None,
+        camera=done.camera(recording.camera) if done else recording.camera,
         origin=None if recording.track is None else recording.track.origin,
         source=recording.source,
-        licence=recording.licence,
-        notes=(f"time zero is stamp {first} ns of the source", *taken, *recording.notes),
+        notes=(f"time zero is stamp {first} ns of the source", *taken),
     )

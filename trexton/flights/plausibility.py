@@ -119,8 +119,7 @@ def _heights(flight: Flight) -> Iterator[str]:
     below = height < 0
     if not height.any():
         yield Doubt(
-            f"all {len(rows)} heights are 0: write metres above the floor, or leave z_m out where "
-            "they are not known",
+            f"all {len(rows)} heights are 0: write metres above the floor, or leave z_m out",
             "heights left out, which are all 0",
             lambda flight: replace(flight, height=None),
         )
@@ -196,12 +195,6 @@ def _stamps(flight: Flight) -> Iterator[str]:
 
 
 def _splits(flight: Flight) -> Iterator[str]:
-    for name in flight.split:
-        if (count := int(flight.part(name).located.sum())) < 3:
-            yield (
-                f"split {name!r} holds {count_of(count, 'frame')} with a position: "
-                "training and test need at least 3"
-            )
     if {"train", "test"} <= set(flight.split):
         (first, last), (begin, end) = flight.split["train"], flight.split["test"]
         common = min(last, end) - max(first, begin) + 1

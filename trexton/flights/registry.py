@@ -58,35 +58,22 @@ def raw_files(name: str) -> dict[str, dict[str, Any]]:
     return {file["key"]: file for file in registry()[name]["files"]}
 
 
-def locate(name: str, source: str | os.PathLike[str] | None = None) -> list[Path]:
-    """The raw files of `name` on this machine, hashes checked.
-
-    Parameters
-    ----------
-    source : path, optional
-        A folder that already holds the files, by key or by bare name; nothing is downloaded then.
+def locate(name: str) -> list[Path]:
+    """The raw files of `name` on this machine, downloaded where they are not whole.
 
     Raises
     ------
     DataError
-        A file is missing, has another hash, or cannot be downloaded.
+        A file has another hash, or cannot be downloaded.
     """
-    return [
-        _from_cache(key, file) if source is None else _from_folder(Path(source), key, file)
-        for key, file in raw_files(name).items()
-    ]
+    return [_located(key, file) for key, file in raw_files(name).items()]
 
 
-def fetch(
-    name: str,
-    out: str | os.PathLike[str],
-    source: str | os.PathLike[str] | None = None,
-    replace: bool = False,
-) -> Path:
+def fetch(name: str, out: str | os.PathLike[str], replace: bool = False) -> Path:
     """Make the data set `name` ready at `out`: a Flight folder, or the file itself where it is no
     flight.
     """
-    files, out = locate(name, source), Path(out)
+    files, out = locate(name), Path(out)
     if "reader" in registry()[name]:
         check_not_read(out, *files)
         read = resolve("readers", registry()[name]["reader"], {})
@@ -99,51 +86,25 @@ def fetch(
     return target
 
 
-def _from_folder(folder: Path, key: str, file: dict[str, Any]) -> Path:
-    path = next((path for path in (folder / key, folder / Path(key).name) if path.is_file()), None)
-    if path is None:
-        raise DataError(
-            f"{folder}: neither {key} nor {Path(key).name} is there: give the folder that holds "
-            "the raw files"
-        )
-    if (found := _sha256(path)) != file["sha256"]:
-        raise DataError(
-            f"{path}: its SHA-256 is {found[:12]}..., expected {file['sha256'][:12]}...: "
-            "it is another version or damaged, fetch it again"
-        )
-    return path
-
-
-def _sha256(path: Path) -> str:
-    with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def _from_cache(key: str, file: dict[str, Any]) -> Path:
-    folder = data_folder()
-    path = folder / key
-    if path.is_file() and _sha256(path) == file["sha256"]:
-        return path
+def _located(key: str, file: dict[str, Any]) -> Path:
+    path = data_folder() / key
+    if path.is_file():
+        with open(path, "rb") as stream:
+            if hashlib.file_digest(stream, "sha256").hexdigest() == file["sha256"]:
+                return path
     say(f"fetching {file['url']}")
     import pooch
     import requests
 
+    pooch.get_logger().setLevel("WARNING")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         with work_folder(path) as parts:
-            part = parts / path.name
-            pooch.HTTPDownloader(timeout=20)(file["url"], str(part), None)
-            if _sha256(part) != file["sha256"]:
-                raise DataError(
-                    f"{file['url']}: what was downloaded does not have the expected SHA-256: "
-                    "try again, or take the file from elsewhere (--from DIR)"
-                )
+            loader = pooch.HTTPDownloader(timeout=20)
+            part = pooch.retrieve(file["url"], file["sha256"], path.name, parts, downloader=loader)
             os.replace(part, path)
-    except requests.RequestException as error:
-        found = "damaged" if path.is_file() else "not"
+    except (requests.RequestException, ValueError) as error:  # ValueError: of another hash
         raise DataError(
-            f"{key} is {found} in {folder} and cannot be fetched from {file['url']} "
-            f"({type(error).__name__}): "
-            "go online, or give a folder that holds the raw files (--from DIR, or TREXTON_DATA)"
+            f"{path} is not whole and cannot be fetched from {file['url']} ({error}): try again, "
+            "or set TREXTON_DATA to a folder that holds the raw files by their keys"
         ) from None
     return path

@@ -21,13 +21,9 @@ from trexton.flights.importers.axes import (
     quaternions_from_attitude,
     readings,
 )
-from trexton.flights.importers.recording import NANO, PoseTrack, match
 from trexton.vision.time_offset import small, time_offset, turns
 
-__all__ = [
-    "Doubt", "count_of", "scaled", "time_offset_doubts", "view_doubts", "with_poses_of",
-    "without_positions",
-]  # fmt: skip
+__all__ = ["Doubt", "count_of", "scaled", "time_offset_doubts", "view_doubts", "without_positions"]
 
 TURNED = 0.5  # radians of yaw that other numbers would hardly look down over
 OFFSET_FRAMES = 400  # whose motion is measured
@@ -74,22 +70,6 @@ def without_positions(rows: np.ndarray) -> Callable[[Flight], Flight]:
         return replace(flight, position=position, height=height, area=area)
 
     return mend
-
-
-def with_poses_of(flight: Flight, seconds: float) -> Flight:
-    """The flight with the poses of so many seconds before each stamp; empty where none is."""
-    unknown = np.full(len(flight), np.nan)
-    height = unknown if flight.height is None else flight.height
-    stamps = np.rint((flight.time - flight.time[0]) * NANO).astype(np.int64)
-    track = PoseTrack(stamps, np.column_stack([flight.position, height]), flight.attitude)
-    between = max(0.1, float(np.median(np.diff(flight.time))))
-    placed, _ = match(stamps, track.shifted(seconds), between)
-    return replace(
-        flight,
-        position=placed.position[:, :2],
-        height=None if flight.height is None else placed.position[:, 2],
-        attitude=placed.attitude,
-    )
 
 
 def count_of(number: int, what: str) -> str:
@@ -142,9 +122,7 @@ def time_offset_doubts(flight: Flight) -> Iterator[str]:
         )
     elif found.noticeable:
         late = f"{abs(found.seconds):.2f} s {'after' if found.seconds > 0 else 'before'}"
-        yield Doubt(
-            f"the pictures turn {late} the yaw does: their stamps and those of attitude and "
-            "position are not of one clock: shift the one by that",
-            f"poses shifted, as the pictures turn {late} the yaw does",
-            lambda flight: with_poses_of(flight, found.seconds),
+        yield (
+            f"the pictures turn {late} the yaw does: stamps of two clocks, import again with "
+            f"--offset {found.seconds:.2f}"
         )

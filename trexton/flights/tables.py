@@ -38,14 +38,13 @@ class TextTable:
         A column each, in the order of the file.
     rows : sequence of int
         The number of each row in the file, as editors count.
-    separator, decimal : str
-        The sign between fields (a blank for any number of blanks), and the decimal point.
+    decimal : str
+        The decimal point.
     """
 
     path: Path
     cells: Mapping[str, Sequence[str]]
     rows: Sequence[int]
-    separator: str = ","
     decimal: str = "."
 
     @property
@@ -55,17 +54,6 @@ class TextTable:
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    def unusual(self) -> list[str]:
-        """A sentence where other signs than commas stand between the fields."""
-        if self.separator == ",":
-            return []
-        word = {";": "semicolons", "\t": "tabs", " ": "blanks"}[self.separator]
-        commas = " and decimal commas" if self.decimal == "," else ""
-        return [
-            f"{self.path}: written with {word}{commas}, and read so: commas and decimal points are "
-            "usual"
-        ]
 
     def texts(self, name: str) -> list[str]:
         """A column as it is written; raises `FlightError` where there is none of that name."""
@@ -187,4 +175,4 @@ def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:
     )
     comma = separator != "," and any("," in cell for column in cells.values() for cell in column)
     decimal = "," if comma else "."
-    return TextTable(path, cells, [number for number, _ in table], separator, decimal)
+    return TextTable(path, cells, [number for number, _ in table], decimal)

@@ -82,8 +82,6 @@ def guess_kind(source: Path) -> str:
     if len(fitting) == 1:
         return fitting[0]
     found = f"looks like {' and '.join(fitting)}" if fitting else "is of no kind that is recognised"
-    if source.is_dir() and not any(source.iterdir()):
-        found = "is an empty folder"
-    elif not fitting and source.suffix.lower() in (".csv", ".tsv"):
+    if not fitting and source.suffix.lower() in (".csv", ".tsv"):
         found = f"has the columns {', '.join(read_table(source).header)} (others by --x, --image)"
     raise ParameterError(f"{source} {found}: name the kind, one of {', '.join(IMPORTERS)}")

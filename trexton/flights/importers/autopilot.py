@@ -17,8 +17,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.files import read_text
-from trexton.flights.geodesy import local_metres
-from trexton.flights.importers.recording import NANO, PoseTrack
+from trexton.flights.importers.recording import NANO, PoseTrack, local_metres
 
 __all__ = ["read_log"]
 

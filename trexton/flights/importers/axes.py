@@ -13,15 +13,9 @@ import numpy as np
 from trexton.base.options import option
 
 __all__ = [
-    "AXES",
-    "TAKEN",
-    "attitude_from_quaternions",
-    "axes_option",
-    "camera_attitude",
-    "looks_away",
-    "quaternions_from_attitude",
-    "readings",
-]
+    "AXES", "TAKEN", "attitude_from_quaternions", "axes_option", "camera_attitude", "looks_away",
+    "quaternions_from_attitude", "readings",
+]  # fmt: skip
 
 LOOKS_DOWN = 30.0  # degrees from straight down, in half of the frames, up to which nothing is said
 SURELY_DOWN = 15.0  # where another reading of a quaternion must lead to be named
@@ -51,15 +45,8 @@ def attitude_from_quaternions(
     quaternions: Sequence[Sequence[float]] | np.ndarray, axes: np.ndarray = AXES["rfu"]
 ) -> np.ndarray:
     """``(N, 3)`` roll, pitch, yaw as `trexton.vision.camera` defines them, from ``(N, 4)`` x, y, z,
-    w.
-
-    Parameters
-    ----------
-    quaternions : (N, 4) array
-        They take the source's axes to the world's. Where one is not known (NaN or zero), nor is
-        its attitude.
-    axes : (3, 3) array
-        An entry of `AXES`, or how a sensor is mounted.
+    w, which take `axes` (an entry of `AXES`, or how a sensor is mounted) to the world's. Where a
+    quaternion is not known (NaN or zero), nor is its attitude.
     """
     from scipy.spatial.transform import Rotation
 

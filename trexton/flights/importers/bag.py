@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
-import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
@@ -121,8 +119,6 @@ class _Bag:
 
         _bound_unpacking()
         try:
-            for file in self.source.glob("*.db3") if self.source.is_dir() else [self.source]:
-                _check_tables(file)
             reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
         except Exception as error:  # whatever a damaged bag makes the reader raise
@@ -207,19 +203,6 @@ class _BoundedFile(closing[Any]):
 
     def close(self) -> None:
         self._stream.close()
-
-
-def _check_tables(file: Path) -> None:
-    """Refuse a database whose messages are computed as they are read: they may never end."""
-    with open(file, "rb") as stream:
-        if not stream.read(16).startswith(b"SQLite format 3"):
-            return
-    with closing(
-        sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
-    ) as base:
-        for kind, name, made in base.execute("SELECT type, name, sql FROM sqlite_master"):
-            if kind == "view" or re.search(r"\bas\b", made or "", re.IGNORECASE):
-                raise ValueError(f"its {kind} {name!r} is computed: expected stored messages")
 
 
 def _pose(message: Any) -> list[float]:

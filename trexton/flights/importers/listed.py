@@ -53,14 +53,13 @@ class Euroc:
         if found is None:
             raise FlightError(f"{root}: no positions in {', '.join(names)}: name their folder")
         sensor = folder / "sensor.yaml"
-        camera, distortion = read_calibration(sensor) if sensor.is_file() else (None, None)
+        camera = read_calibration(sensor)[0] if sensor.is_file() else None
         track, said = _asl_track(root / found / "data.csv", sensor)
         return Recording(
             table.nanoseconds("stamp", "ns"),
             track,
             ImageFiles(tuple(folder / "data" / name for name in table.texts("file"))),
             camera=camera,
-            distortion=distortion,
             source=f"ASL folder, {settings.camera} and {found}",
             said=[f"positions from {found}", *said],
         )

@@ -18,11 +18,10 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
-from trexton.flights.geodesy import local_metres
 from trexton.flights.importers.autopilot import read_log
 from trexton.flights.importers.axes import camera_attitude
 from trexton.flights.importers.exif import Shot, read_shot, time_of
-from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside, local_metres
 from trexton.flights.tables import read_table
 from trexton.vision.images import natural_order
 

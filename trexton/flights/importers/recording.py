@@ -12,21 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.flights.frames import Frames
+from trexton.flights.frames import Frames, select_frames
 from trexton.flights.tables import TIMES
 from trexton.vision.camera import Camera, wrapped
 
-__all__ = [
-    "NANO",
-    "PoseTrack",
-    "Recording",
-    "beside",
-    "match",
-]
+__all__ = ["NANO", "PoseTrack", "Recording", "beside", "local_metres", "match"]
 
 NANO = TIMES["s"]
 SAME_PLACE = 0.05  # metres: rows of one stamp that lie nearer tell the same, rounded
-NAMED_ROWS = 3  # contradictions that are told one by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,15 +55,11 @@ class PoseTrack:
         return replace(self, time_ns=self.time_ns + round(seconds * NANO))
 
     def located(self) -> PoseTrack:
-        """The rows with a place; raises `FlightError` where there are none, or out of order."""
+        """The rows with a place; raises `FlightError` where there are none."""
         rows = ~np.isnan(self.position[:, :2]).any(axis=1)
-        track = self.rows(rows)
-        if not rows.any() or (np.diff(track.time_ns) <= 0).any():
-            found = "no row has a place: give x and y"
-            if rows.any():
-                found = "their stamps do not all increase: sort them and drop repeated rows"
-            raise FlightError(f"{len(rows)} rows of positions, {found}")
-        return track
+        if not rows.any():
+            raise FlightError(f"{len(rows)} rows of positions, no row has a place: give x and y")
+        return self.rows(rows)
 
     def ordered(
         self, where: str, lines: Sequence[int] | None = None
@@ -93,9 +82,7 @@ class PoseTrack:
         _, first, group = np.unique(self.time_ns[order], return_index=True, return_inverse=True)
         place = self.position[order, :2]
         apart = np.hypot(*(place - place[first][group]).T)
-        steps = np.hypot(*np.diff(place[first], axis=0).T)
-        usual = np.median(steps[np.isfinite(steps)]) if np.isfinite(steps).any() else 0.0
-        against = np.flatnonzero(apart > max(SAME_PLACE, 2 * usual))
+        against = np.flatnonzero(apart > SAME_PLACE)
         wrong = np.isin(group, group[against])
         kept = np.isin(np.arange(len(order)), first) & ~wrong
         said = []
@@ -110,10 +97,10 @@ class PoseTrack:
         said += [
             f"{where}, rows {lines[order[first[group[row]]]]} and {lines[order[row]]}: one stamp, "
             f"but places {apart[row]:.2f} m apart: both left out"
-            for row in against[:NAMED_ROWS]
+            for row in against[:1]
         ]
-        if len(against) > NAMED_ROWS:
-            said.append(f"{where}: {len(against) - NAMED_ROWS} more rows that contradict others")
+        if len(against) > 1:
+            said.append(f"{where}: {len(against) - 1} more rows that contradict others")
         return self.rows(order[kept]), said
 
 
@@ -134,10 +121,6 @@ class Recording:
         What the histograms count: ``textons``, or another word for features whose values need not
         sum to one.
     camera : Camera or None
-    distortion : (D,) array or None
-        Of the camera, in OpenCV's order.
-    notes : list of str
-        What a reader of the flight must know.
     said : list of str
         Sentences for the person who imports.
     """
@@ -148,11 +131,18 @@ class Recording:
     histograms: np.ndarray | None = None
     features: str = "textons"
     camera: Camera | None = None
-    distortion: np.ndarray | None = None
     source: str = ""
-    licence: str = ""
-    notes: list[str] = field(default_factory=list)
     said: list[str] = field(default_factory=list)
+
+    def rows(self, chosen: np.ndarray, said: str) -> Recording:
+        """The recording with these of its frames, and a sentence that says so."""
+        return replace(
+            self,
+            time_ns=self.time_ns[chosen],
+            frames=None if self.frames is None else select_frames(self.frames, chosen),
+            histograms=None if self.histograms is None else self.histograms[chosen],
+            said=[*self.said, said],
+        )
 
 
 def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[PoseTrack, float]:
@@ -166,7 +156,7 @@ def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[Po
     Raises
     ------
     FlightError
-        The track has no place, its stamps do not increase, or no frame is matched.
+        The track has no place, or no frame is matched.
     """
     track = track.located()
     stamps = track.time_ns
@@ -207,3 +197,28 @@ def beside(folder: Path, name: str) -> Path:
     """A file that a person named: in the source's folder, or else from where they are."""
     inside = folder / name
     return inside if inside.exists() or not Path(name).exists() else Path(name)
+
+
+def local_metres(
+    latitude: np.ndarray, longitude: np.ndarray
+) -> tuple[np.ndarray, tuple[float, float]]:
+    """``(N, 2)`` metres east and north of the south-west corner, and that corner in degrees (WGS
+    84): a transverse Mercator projection, true to a millimetre over some kilometres.
+
+    Raises
+    ------
+    FlightError
+        A latitude or longitude is no angle on Earth.
+    """
+    from pyproj import Proj
+
+    good = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180)
+    if not good.all():
+        row = int(np.argmin(good))
+        raise FlightError(
+            f"position {row + 1} is {latitude[row]}, {longitude[row]}: expected degrees of "
+            "latitude and longitude"
+        )
+    corner = float(latitude.min()), float(longitude.min())
+    plane = Proj(proj="tmerc", lat_0=corner[0], lon_0=corner[1], ellps="WGS84")
+    return np.column_stack(plane(longitude, latitude)), corner

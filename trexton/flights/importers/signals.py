@@ -4,18 +4,16 @@ known. Each source, a radio beacon say, is a feature; a frame is what was heard 
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.flight import Flight, area_around
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording
-from trexton.flights.tables import is_number
+from trexton.flights.tables import is_number, read_table
 
 __all__ = ["Settings", "read", "read_ble", "recognises"]
 
@@ -45,34 +43,16 @@ class _Log:
 
     @classmethod
     def of(cls, path: Path, columns: str) -> _Log:
-        rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
-        names = columns.split(",")
-        if rows and not is_number(rows[0][0]):
-            names, rows = [name.strip() for name in rows[0]], rows[1:]
-        if missing := [name for name in ("stamp", "source", "value") if name not in names]:
-            raise FlightError(
-                f"{path}: no column {missing[0]!r}: it has {', '.join(names)}: name them in order "
-                "with --columns stamp,source,value,x,y"
-            )
-        short = [number for number, row in enumerate(rows, 1) if len(row) < len(names)]
-        if short or not rows:
-            found = f"row {short[0]} has less" if short else "there is no row"
-            raise FlightError(f"{path}: expected {len(names)} columns, {found}")
-        cells = dict(
-            zip(names, zip(*(row[: len(names)] for row in rows), strict=True), strict=True)
+        """With these columns where the log has no header."""
+        headless = is_number(read_text(path).partition(",")[0])
+        table = read_table(path, columns.split(",") if headless else ())
+        unknown = np.full(len(table), np.nan)
+        position = np.column_stack(
+            [table.numbers(name) if name in table.header else unknown for name in ("x", "y", "z")]
         )
-        nowhere = ("nan",) * len(rows)
-        try:
-            numbers = [
-                np.array([cell.strip() or "nan" for cell in cells.get(name, nowhere)], dtype=float)
-                for name in ("stamp", "value", "x", "y", "z")
-            ]
-        except ValueError as error:
-            raise FlightError(f"{path}: {error}: expected numbers") from None
-        time, value, *position = numbers
+        time, value = table.numbers("stamp"), table.numbers("value")
         good = np.isfinite(time) & np.isfinite(value)
-        source = np.array([cell.strip() for cell in cells["source"]])
-        return cls(time[good], source[good], value[good], np.column_stack(position)[good])
+        return cls(time[good], np.array(table.texts("source"))[good], value[good], position[good])
 
 
 def _frames(
@@ -122,7 +102,7 @@ def read(source: Path, settings: Settings) -> Recording:
 
 def read_ble(*files: Path) -> Flight:
     """The public Bluetooth walks as one flight: those to train on, then the rectangular ones."""
-    settings = Settings(columns="stamp,source,beacon,value,x,y,z")
+    settings = Settings(columns="stamp,source,beacon,value,x,y,z,w0,w1,w2,w3,w4,w5,w6,w7,w8,w9")
     logs = [_Log.of(path, settings.columns) for path in files]
     sources, clock, parts = np.unique(np.concatenate([log.source for log in logs])), 0.0, []
     for log in logs:

@@ -124,8 +124,7 @@ def pose_track(
         attitude, taken = camera_attitude(turns, axes)
     else:
         attitude = attitude_from_quaternions(turns, mounted)
-        taken = ["attitude of the camera as T_BS tells"]
-        taken += [doubt] if (doubt := looks_away(attitude)) else []
+        taken = ["attitude of the camera as T_BS tells", *filter(None, [looks_away(attitude)])]
     track, order = PoseTrack(stamps, position, attitude).ordered(where, lines)
     return track, said + order + taken
 

@@ -14,7 +14,7 @@ import numpy as np
 from trexton.base.errors import FlightError, ParameterError
 from trexton.base.options import option
 from trexton.base.progress import progress
-from trexton.flights.frames import Selected, VideoFrames, announced_frames, stamped_frames
+from trexton.flights.frames import Selected, VideoFrames, stamped_frames
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.importers.tracks import TrackColumns, read_track
 from trexton.vision.time_offset import moves, small, speed_correlations
@@ -99,7 +99,7 @@ def estimate_offset(
     Raises
     ------
     FlightError
-        The track has no place, is out of order, shorter than two seconds, or does not move.
+        The track has no place, is shorter than two seconds, or does not move.
     """
     track = track.located()
     time = (track.time_ns - track.time_ns[0]) / NANO
@@ -120,20 +120,21 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     sentence where the file announces more frames.
     """
     seen: list[float] = []
+    announced: list[float] = []
 
     def shown() -> Iterator[np.ndarray]:
-        for stamp, frame in progress(stamped_frames(source), "video"):
+        for stamp, frame in progress(stamped_frames(source, announced), "video"):
             seen.append(stamp)
             yield small(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., None])
 
     moved, stamps = moves(shown()), np.array(seen)
     if len(stamps) < 3:
         raise FlightError(f"{source}: {len(stamps)} frames could be decoded: expected a video")
-    announced, cut = announced_frames(source), []
-    if len(stamps) < _WHOLE * announced - 1:
+    cut = []
+    if len(stamps) < _WHOLE * announced[0] - 1 < 1e9:  # some containers name any number
         cut = [
-            f"{source}: {len(stamps)} of {announced} frames could be decoded: the file is cut "
-            "short, copy it again to have the rest"
+            f"{source}: {len(stamps)} of {announced[0]:.0f} frames could be decoded: the file is "
+            "cut short, copy it again to have the rest"
         ]
     motion = moved / np.maximum(np.diff(stamps, prepend=stamps[0] - 1), 1e-3)
     return stamps - stamps[0], motion, cut
