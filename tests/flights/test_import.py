@@ -164,12 +164,12 @@ def test_features_need_not_sum_to_one(tmp_path):
     assert flight.features == "features" and flight.split == {"train": (0, 9), "test": (10, 19)}
 
 
-@pytest.mark.parametrize(("share", "part"), [(1.0, "test"), (0.99, "test"), (0.01, "training")])
-def test_a_split_leaves_frames_for_both_parts(tmp_path, share, part):
+@pytest.mark.parametrize("share", [1.0, 0.99, 0.01])
+def test_a_split_leaves_frames_for_both_parts(tmp_path, share):
     (tmp_path / "f.csv").write_text(
         "frame,x,y,f0,f1\n" + "".join(f"{i},{i},0,1,2\n" for i in range(20))
     )
-    with pytest.raises(ParameterError, match=f"none of 20 frames for {part}"):
+    with pytest.raises(ParameterError, match="none of 20 frames for a part"):
         import_flight(
             tmp_path / "f.csv", tmp_path / "out", kind="features", settings={"split": share}
         )

@@ -276,7 +276,7 @@ def _read_histograms(
             common = min(len(values), len(frames))
             odd = int(np.argmin([*(values[:common, 0] == frames[:common]), False]))
             raise FlightError(
-                f"{path}, row {rows[min(odd, len(rows) - 1)]}: its frames differ from those of "
+                f"{path}, row {[*rows, rows[-1] + 1][odd]}: its frames differ from those of "
                 f"frames.csv ({len(values)} rows against {len(frames)}): list the same frames in "
                 "the same order"
             )
