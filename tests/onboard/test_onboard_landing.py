@@ -30,11 +30,8 @@ class Autopilot:
         queue, self.queue = self.queue, []
         return queue
 
-    def on_ground(self) -> bool | None:
-        return self.grounded
-
     def phase(self) -> dict:
-        return dict(self.flies)
+        return self.flies | {"grounded": self.grounded}
 
     def answer(self, result: int) -> None:
         self.queue.append(result)

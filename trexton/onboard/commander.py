@@ -35,10 +35,9 @@ class LandingLink(Protocol):
     def answers(self) -> Sequence[int]:
         """Results of landing commands since this was last asked, as MAV_RESULT counts them."""
 
-    def on_ground(self) -> bool | None: ...
-
     def phase(self) -> Mapping[str, object]:
-        """What tells a landing from any other flight, as far as it is known."""
+        """What tells a landing from any other flight, and whether the vehicle is ``grounded``, as
+        far as it is known."""
 
 
 class State(Enum):
@@ -121,9 +120,9 @@ class Commander:
             self._began = fix.time
         return self.zone.update(estimate, fix.time - self._began)
 
-    def _grounded(self) -> list[bool | None]:
+    def _grounded(self) -> list[object]:
         """Which autopilots say that they stand: nothing is asked of them then."""
-        return [lander.on_ground() for lander in self._landers]
+        return [lander.phase().get("grounded") for lander in self._landers]
 
     def _left(self, fix: Fix, now: float) -> bool:
         """Whether the vehicle has been outside long enough for the visit to be over."""
@@ -165,7 +164,8 @@ class Commander:
 
     def _phases(self) -> dict[tuple[int, str], object]:
         phases = ((n, lander.phase()) for n, lander in enumerate(self._landers))
-        return {(n, name): value for n, phase in phases for name, value in phase.items()}
+        every = {(n, name): value for n, phase in phases for name, value in phase.items()}
+        return {(n, name): value for (n, name), value in every.items() if name != "grounded"}
 
     def _is_aborted(self) -> bool:
         """Whether the flight is no longer in the phase that the command had brought about."""

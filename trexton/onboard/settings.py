@@ -86,9 +86,6 @@ class Landing(Options):
         choices=("inside", "touchdown"),
     )
     spread: str = option("0.6", "largest spread of a position inside, metres, one number or X,Y")
-    land_within: float = option(
-        60.0, "seconds over which a less probable touchdown comes to do", low=1
-    )
     arm_landing: bool = option(False, "command the landing; without it, it is only said")
     allow_overconfident: bool = option(
         False, "land though the map's 90 % region held too few of its own flight's positions"
@@ -111,7 +108,7 @@ class Landing(Options):
                 f"{x_max:g} m and y {y_min:g} to {y_max:g} m: give a place on it"
             )
         if self.trigger == "touchdown":
-            return TouchdownZone((x, y), self.radius, time_limit=self.land_within)
+            return TouchdownZone((x, y), self.radius)
         return LandingZone((x, y), self.radius, spread, CONSECUTIVE)
 
 

@@ -10,7 +10,7 @@ __all__ = ["FAULTS", "Tally"]
 # What each is, and what is done about it, stands in the book, on the page "On board".
 FAULTS = (
     "camera", "gap", "corrupt", "size", "dark", "bright", "frozen", "misfit", "velocity",
-    "attitude", "late", "clock", "output", "link", "silent",
+    "attitude", "late", "clock", "output", "link",
 )  # fmt: skip
 
 

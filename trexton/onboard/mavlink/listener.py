@@ -121,7 +121,8 @@ class Listener:
         """What tells a landing from any other flight, as far as it was said lately."""
         landed = _recent(self._landed, now)
         known = {"mode": self._mode if self.present(now) else None,
-                 "landing": landed and landed == mavlink.MAV_LANDED_STATE_LANDING}  # fmt: skip
+                 "landing": landed and landed == mavlink.MAV_LANDED_STATE_LANDING,
+                 "grounded": self.on_ground(now)}  # fmt: skip
         return {name: value for name, value in known.items() if value is not None}
 
     def confirms(self, origin: tuple[float, float, float]) -> bool:
@@ -159,9 +160,7 @@ class Listener:
         system, component = message.get_srcSystem(), message.get_srcComponent()
         named_system, named_component = self._named
         if named_component is None and (
-            message.autopilot in NO_AUTOPILOTS
-            or message.type == mavlink.MAV_TYPE_GCS
-            or component != mavlink.MAV_COMP_ID_AUTOPILOT1
+            message.autopilot in NO_AUTOPILOTS or component != mavlink.MAV_COMP_ID_AUTOPILOT1
         ):
             return
         if named_system not in (None, system) or named_component not in (None, component):

@@ -64,7 +64,7 @@ class MavlinkSink(Sink):
         self._codec = self._new_codec()
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._thread: threading.Thread | None = None
-        self.connected = self._was_present = False
+        self.connected = False
         self._why = ""  # the link failed last, as it was said
 
     @classmethod
@@ -131,11 +131,6 @@ class MavlinkSink(Sink):
     def news(self) -> list[dict[str, Any]]:
         with self._lock:
             return _drained(self.speaker.listener.news)
-
-    def on_ground(self) -> bool | None:
-        """Whether the autopilot says that the vehicle stands; None where it does not say."""
-        with self._lock:
-            return self.speaker.listener.on_ground(self._clock())
 
     def phase(self) -> dict[str, object]:
         with self._lock:
@@ -228,14 +223,11 @@ class MavlinkSink(Sink):
             now, listener = self._clock(), self.speaker.listener
             for message in messages:
                 listener.hear(message, now)
-            present, target = listener.present(now), listener.target
+            target = listener.target
         if messages:
             self._why = ""
         if target is not None:
             self._codec.srcSystem = target[0]  # a companion shares the system of its vehicle
-        if self._was_present and not present:
-            self._tally.count("silent")
-        self._was_present = present
 
     def _parsed(self, data: bytes) -> list[Any]:
         if not data:
