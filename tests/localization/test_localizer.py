@@ -9,7 +9,6 @@ from conftest import small_flight
 from small_room import histogram_flight
 
 from trexton.base.errors import ImageError, MapError, ParameterError
-from trexton.companion.experiments.choices import with_trace
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.localization.localizer import Localizer, TextonMap
@@ -219,8 +218,8 @@ def test_a_frame_in_which_nothing_was_counted_is_taken(method):
 def test_shares_with_a_trace_of_the_last_frame_are_taken(samples):
     flight = small_flight()
     texton_map = train_map(flight, neighbors=3, rng=np.random.default_rng(0))
-    traced = with_trace(flight.histograms, samples)
-    assert Localizer(texton_map, rng=np.random.default_rng(0)).step(traced[1]).observed
+    traced = flight.histograms[1] + flight.histograms[0] / samples
+    assert Localizer(texton_map, rng=np.random.default_rng(0)).step(traced).observed
 
 
 def test_words_are_no_histogram():

@@ -80,7 +80,7 @@ def test_random_particles_find_the_vehicle_at_least_as_often_and_sooner(record):
     assert augmented["recovered_rate"]["value"] >= max(plain["recovered_rate"]["value"], 0.9)
     assert augmented["recovery_s"]["median"] < plain["recovery_s"]["median"]
     assert augmented["lost"]["wrong_frames_rate"] > plain["lost"]["wrong_frames_rate"]
-    assert augmented["lost"]["wrong_frames_rate"] > augmented["lost"]["calm_frames_rate"]
+    assert augmented["lost"]["wrong_frames_rate"] > augmented["lost"]["right_frames_rate"]
 
 
 def test_kidnappings_of_one_stretch_count_together(record):
@@ -93,10 +93,10 @@ def test_kidnappings_of_one_stretch_count_together(record):
 
 def test_the_field_is_found_at_once_and_knows_it_was_lost(record):
     field, augmented = record.values["field"], record.values["augmented"]
-    assert field["in_time_rate"]["value"] >= 0.95
+    assert np.sum(np.array(record.series["field"]["recovery_s"]) <= 3) >= 0.95 * 30
     assert field["recovery_s"]["median"] <= augmented["recovery_s"]["median"]
     lost = field["lost"]
-    assert lost["wrong_frames"] == 0 or lost["wrong_frames_rate"] > 0.8
+    assert lost["wrong_frames_rate"] is None or lost["wrong_frames_rate"] > 0.8
     assert lost["right_frames_rate"] < 0.02
 
 
@@ -143,7 +143,5 @@ def test_lost_counts_wrong_frames_until_recovered_and_false_alarms():
     lost = np.array([1, 1, 0, 1, 1, 0, 1, 0, 0, 1], bool)
     trial = kidnapping.Trial(error, lost, 4)
     found = kidnapping._lost([trial], [2], 1.0)
-    assert found == {
-        "wrong_frames_rate": 0.5, "wrong_frames": 2,  # the last comes after the recovery
-        "calm_frames_rate": 0.5, "right_frames_rate": 0.0,
-    }  # fmt: skip
+    # The last wrong frame comes after the recovery.
+    assert found == {"wrong_frames_rate": 0.5, "right_frames_rate": 0.0}

@@ -169,22 +169,29 @@ def _outcome(
     stretches = [trial.carried for trial in trials]
     # Trials of one stretch of the flight are taken together.
     counts = np.bincount(stretches, after < np.inf).astype(int), np.bincount(stretches)
-    wrong, right = [], []  # frames until the vehicle is localized again, and undisturbed ones
-    for trial, frames in zip(trials, recovered, strict=True):
-        until = slice(trial.cut, None if frames is None else trial.cut + frames)
-        wrong.append(trial.lost[until][trial.error[until] >= tolerance])
-        right.append(trial.lost[trial.calm][trial.error[trial.calm] < tolerance])
     calm = np.concatenate([trial.error[trial.calm] for trial in trials])
     return {
         "recovered_rate": success_rate(*counts),
         "recovery_s": {"median": np.percentile(times, 50)} if len(times) else None,
         "undisturbed_error_cm": 100 * calm.mean(),
-        "lost": {"wrong_frames_rate": _share(wrong), "right_frames_rate": _share(right)},
+        "lost": _lost(trials, recovered, tolerance),
     }, list(times)
 
 
-def _share(flags: list[np.ndarray]) -> float | None:
-    return np.concatenate(flags).mean() if sum(map(len, flags)) else None
+def _lost(trials: list[Trial], recovered: list[int | None], tolerance: float) -> dict[str, Any]:
+    """Shares of frames called lost: of wrong ones until the vehicle is localized again, and of
+    undisturbed ones that are right.
+    """
+    wrong, right = [], []
+    for trial, frames in zip(trials, recovered, strict=True):
+        until = slice(trial.cut, None if frames is None else trial.cut + frames)
+        wrong.append(trial.lost[until][trial.error[until] >= tolerance])
+        right.append(trial.lost[trial.calm][trial.error[trial.calm] < tolerance])
+
+    def share(flags: list[np.ndarray]) -> float | None:
+        return np.concatenate(flags).mean() if sum(map(len, flags)) else None
+
+    return {"wrong_frames_rate": share(wrong), "right_frames_rate": share(right)}
 
 
 def finding(record: Record) -> str:
