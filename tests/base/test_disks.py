@@ -27,7 +27,6 @@ COMMANDS = {
     "import": ("import csv table.csv --replace --out", "DISK/imported", "--split 0.5"),
     "export": ("export room tum --out", "DISK/track.tum", ""),
     "data fetch": ("data fetch cyberzoo --out", "DISK/cyberzoo", ""),
-    "play": ("play plain --map plain.npz --frames 8 --out", "DISK/play.html", "--seed 3"),
     "onboard csv": (
         "onboard map.npz --camera room --output",
         "csv:DISK/fixes.csv",

@@ -229,7 +229,7 @@ def toy_flights(tmp_path, monkeypatch):
         made.append(Path(path).name)
         return write_flight(small_flight(name=Path(path).name), path, replace=True)
 
-    monkeypatch.setattr(book_flights, "simulate", make)
+    monkeypatch.setattr(book_flights, "_simulate", make)
     monkeypatch.setattr(book_flights, "fetch", lambda name, path, replace: make(path))
     return tmp_path / "flights", made
 
@@ -237,22 +237,18 @@ def toy_flights(tmp_path, monkeypatch):
 def test_flights_are_made_once_and_again_when_damaged(toy_flights, monkeypatch):
     folder, made = toy_flights
     assert [pair.name for pair in prepare_flights(folder).pairs] == ["sim-survey", "cyberzoo"]
-    names = ["sim-survey", "sim-waypoints", "cyberzoo"]
+    names = ["cyberzoo", "sim-survey", "sim-waypoints"]
     assert sorted(made) == sorted(names)
     assert prepare_flights(folder).said == [f"flight {name}: reused" for name in names]
     frames = folder / "sim-survey" / "frames.csv"
     frames.write_text(frames.read_text().replace("1,0.0,1.0,0.0", "1,0.0,1.0,0.5"))
-    assert (
-        prepare_flights(folder).said[0]
-        == "flight sim-survey: made, because sim-survey is not what the run left"
-    )
+    said = prepare_flights(folder).said[1]
+    assert re.fullmatch("flight sim-survey: made, because sim-survey [^ ]{12} -> [^ ]{12}", said)
     shutil.rmtree(folder / "sim-waypoints")
-    assert (
-        prepare_flights(folder).said[1]
-        == "flight sim-waypoints: made, because sim-waypoints is missing"
-    )
-    monkeypatch.setattr(book_flights, "simulation_inputs", lambda **_: {"module x": "other"})
-    assert "flight sim-survey: made, because module" in prepare_flights(folder).said[0]
+    said = prepare_flights(folder).said[2]
+    assert "flight sim-waypoints: made, because sim-waypoints" in said and "-> absent" in said
+    monkeypatch.setattr(book_flights, "inputs_of", lambda *_: {"module x": "other"})
+    assert "flight sim-survey: made, because module" in prepare_flights(folder).said[1]
     assert read_flight(folder / "sim-survey").name == "sim-survey"
 
 

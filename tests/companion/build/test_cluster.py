@@ -8,7 +8,6 @@ import shutil
 import signal
 import socket
 import subprocess
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -17,21 +16,18 @@ from pathlib import Path
 import dask
 import numpy as np
 import pytest
-from conftest import ROOT, small_flight
+from conftest import small_flight
 from dask_tools import Cluster
 from patience import eventually
-from tiny_experiment import tiny
-from tiny_notebooks import BODY, write_notebook
 
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.cli.main import main
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.plan import run_experiments
-from trexton.companion.build.workers import connect, workers
-from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.build.sweep import SweepPlan, sweep
+from trexton.companion.build.workers import callers, connect
 from trexton.flights import write_flight
 
-RECORDED = ("parameters", "values", "series", "images", "provenance")
+RECORDED = ("parameters", "values", "provenance")
 
 
 @pytest.fixture(scope="module")
@@ -63,22 +59,22 @@ def killer(folder: str, item: int) -> int:
 def test_calls_give_the_same_everywhere(cluster):
     here, beside, there = [scaled(2.0, item) for item in range(7)], [], []
     for address, left in ((None, beside), (cluster.address, there)):
-        with workers(address, 2) as crew, crew.calls() as call:
+        with callers(address, 2) as (_, call, _):
             left += [call(scaled, 2.0, item) for item in range(7)]
     assert np.array_equal(here, beside) and np.array_equal(here, there)
 
 
+def plan(flight, **settings):
+    chosen = {"repeats": [1], "particles": [9], "neighbors": [2], "seed": [5]} | settings
+    return SweepPlan("mocap_training", chosen, [FlightPair(str(flight))])
+
+
 def test_records_are_equal_to_the_bit(cluster, flight, tmp_path):
-    chosen = {"repeats": 3, "particles": 9, "neighbors": 2, "seed": 5}
-    experiments = {"mocap_training": EXPERIMENTS["mocap_training"]}
     for out, address in (("here", None), ("there", cluster.address)):
-        (outcome,) = run_experiments(
-            [FlightPair(str(flight))], tmp_path / out, settings=chosen, experiments=experiments,
-            cluster=address,
-        )  # fmt: skip
-        assert outcome.status == "ran", outcome.reasons
+        swept = sweep(plan(flight), tmp_path / out, jobs=1, cluster=address)
+        assert swept.counts["ran"] == 1, swept.failed
     here, there = (
-        json.loads((tmp_path / out / "small" / "mocap_training.json").read_text())
+        json.loads(next((tmp_path / out / "cells").glob("*/*.json")).read_text())
         for out in ("here", "there")
     )
     assert [here[key] for key in RECORDED] == [there[key] for key in RECORDED]
@@ -86,9 +82,9 @@ def test_records_are_equal_to_the_bit(cluster, flight, tmp_path):
 
 def test_nothing_answers_or_nobody_works(flight, tmp_path):
     with pytest.raises(ParameterError, match="no Dask scheduler answers at tcp://127.0.0.1:9"):
-        run_experiments([FlightPair(str(flight))], tmp_path / "out", cluster="tcp://127.0.0.1:9")
+        sweep(plan(flight), tmp_path / "out", cluster="tcp://127.0.0.1:9")
     with Cluster(tmp_path, workers=0) as empty, pytest.raises(ParameterError, match="no workers"):
-        run_experiments([FlightPair(str(flight))], tmp_path / "out", cluster=empty.address)
+        sweep(plan(flight), tmp_path / "out", cluster=empty.address)
     assert not (tmp_path / "out").exists()
 
 
@@ -105,32 +101,12 @@ def test_what_is_no_scheduler_is_told_at_once(monkeypatch):
 def test_a_killed_worker_costs_only_its_task(cluster, tmp_path):
     """One of the workers is killed by a task; it alone is done again, by another."""
     before = cluster.alive
-    with workers(cluster.address, None) as crew, crew.calls() as call:
+    with callers(cluster.address, None) as (_, call, _):
         with ThreadPoolExecutor() as pool:
             done = pool.map(partial(call, killer, str(tmp_path)), range(6))
             assert list(done) == [0, 1, 4, 9, 16, 25]
     assert (tmp_path / "died").exists()
     assert cluster.alive == before - 1
-
-
-def test_a_killed_worker_costs_only_its_notebook(cluster, flight, tmp_path):
-    notebooks, mark = tmp_path / "notebooks", tmp_path / "died"
-    write_notebook(notebooks, "first")
-    dies = (
-        f"import os, signal\nfrom pathlib import Path\nmark = Path({str(mark)!r})\n"
-        "if not mark.exists():\n    mark.write_text('once')\n"
-        "    os.kill(os.getppid(), signal.SIGKILL)\n    import time; time.sleep(60)\n"
-    )
-    write_notebook(notebooks, "second", dies + BODY)
-    experiments = {name: tiny(name) for name in ("first", "second")}
-    before = cluster.alive
-    outcomes = run_experiments(
-        [FlightPair(str(flight))], tmp_path / "out", notebooks=notebooks,
-        experiments=experiments, cluster=cluster.address,
-    )  # fmt: skip
-    assert cluster.alive == before - 1
-    assert [outcome.status for outcome in outcomes] == ["ran", "ran"], outcomes
-    assert mark.exists() and (notebooks / "first.runs").read_text() == "x"
 
 
 def begun(mark: str, wait_s: float) -> str:
@@ -149,57 +125,18 @@ def lacking() -> str:
 def test_a_worker_that_lacks_the_package_is_named(cluster, monkeypatch):
     monkeypatch.setattr("trexton.companion.build.workers._fingerprint", lacking)
     with pytest.raises(ParameterError, match="worker of .* does not run this trexton .none here"):
-        with workers(cluster.address, None):
+        with callers(cluster.address, None):
             pass
 
 
 def test_a_scheduler_that_is_lost_is_named(tmp_path):
-    with Cluster(tmp_path, workers=1) as own, workers(own.address, None) as crew:
-        with crew.calls() as call, ThreadPoolExecutor() as pool:
+    with Cluster(tmp_path, workers=1) as own, callers(own.address, None) as (_, call, _):
+        with ThreadPoolExecutor() as pool:
             task = pool.submit(call, begun, str(tmp_path / "begun"), 30.0)
             assert eventually((tmp_path / "begun").exists)
             own.processes[0].kill()
             with pytest.raises(TrextonError, match="was lost: start it and its workers, and repea"):
                 task.result()
-
-
-@pytest.mark.parametrize("where", ["here", "there"])
-def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path, where):
-    address = cluster.address if where == "there" else None
-    notebooks, mark = tmp_path / "notebooks", tmp_path / "started"
-    write_notebook(notebooks, "first")
-    slow = f"import time\nfrom pathlib import Path\nPath({str(mark)!r}).touch()\ntime.sleep(60)\n"
-    write_notebook(notebooks, "second", slow + BODY)
-    # A suite that a shell runs in the background has the interrupt ignored.
-    script = f"""if True:
-        import signal; signal.signal(signal.SIGINT, signal.default_int_handler)
-        import sys; sys.path.insert(0, {str(ROOT / "tests")!r})
-        from tiny_experiment import tiny
-        from trexton.companion.build.flight_pairs import FlightPair
-        from trexton.companion.build.plan import run_experiments
-        experiments = {{"first": tiny("F"),
-            "second": tiny("S", after=("first",))}}
-        run_experiments([FlightPair({str(flight)!r})], {str(tmp_path / "out")!r},
-            notebooks={str(notebooks)!r}, experiments=experiments, cluster={address!r})"""
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    run = subprocess.Popen(
-        [sys.executable, "-c", script], env=environment, stderr=subprocess.PIPE, text=True
-    )
-    assert eventually(lambda: mark.exists() or run.poll() is not None)
-    assert run.poll() is None, run.stderr.read()
-    run.send_signal(signal.SIGINT)
-    said = run.communicate(timeout=120)[1]
-    assert "KeyboardInterrupt" in said and "failed" not in said
-
-    write_notebook(notebooks, "second")
-    experiments = {
-        "first": tiny("F"),
-        "second": tiny("S", after=("first",)),
-    }
-    outcomes = run_experiments(
-        [FlightPair(str(flight))], tmp_path / "out", notebooks=notebooks, experiments=experiments
-    )
-    assert [outcome.status for outcome in outcomes] == ["reused", "ran"]
 
 
 @pytest.fixture
@@ -227,19 +164,24 @@ def test_a_cluster_is_reached_with_tls(tmp_path, pem, flight):
         cluster = Cluster(tmp_path, workers=1, options=options).__enter__()
     try:
         address = cluster.address
-        words = ["run", str(flight), "--only", "mocap_training", "--no-book", "--quiet"]
-        words += ["--set", "particles=5", "repeats=1", "neighbors=2", "--cluster", address]
+        (tmp_path / "plan.toml").write_text(
+            f'experiment = "mocap_training"\nflights = ["{flight}"]\n'
+            "[set]\nparticles = 5\nrepeats = 1\nneighbors = 2\n"
+        )
+        words = ["sweep", str(tmp_path / "plan.toml"), "--quiet", "--cluster", address]
         with pytest.raises(ParameterError, match="name --tls-ca, --tls-cert and --tls-key"):
             connect(address)
         assert main([*words, "--out", str(tmp_path / "out"), *named]) == 0
     finally:
         cluster.__exit__()
     assert address.startswith("tls://")
-    assert (tmp_path / "out" / "small" / "mocap_training.json").is_file()
+    assert len(list((tmp_path / "out" / "cells" / "small").iterdir())) == 1
 
 
 def test_files_of_tls_are_for_an_address_of_tls_and_there(tmp_path, flight, capsys):
-    words = ["run", str(flight), "--out", str(tmp_path / "out"), "--cluster", "tcp://127.0.0.1:1"]
+    (tmp_path / "plan.toml").write_text("")
+    words = ["sweep", str(tmp_path / "plan.toml"), "--out", str(tmp_path / "out")]
+    words += ["--cluster", "tcp://127.0.0.1:1"]
     assert main([*words, "--tls-ca", __file__]) == 1
     assert "expected an address tls://HOST:PORT" in capsys.readouterr().err
     assert main([*words, "--tls-ca", str(tmp_path / "none")]) == 1

@@ -11,7 +11,7 @@ from conftest import ROOT, small_flight
 
 from trexton.base.cache import code_hashes
 from trexton.base.records import Record
-from trexton.companion.build import kept
+from trexton.companion.build import notebook as kept
 from trexton.companion.experiments import density
 from trexton.companion.provenance import made_by
 

@@ -16,7 +16,6 @@ from conftest import small_flight
 from onboard_tools import colourful_flight
 from small_room import picture_flight
 
-from trexton.cli.main import main
 from trexton.companion.experiments import mocap_training
 from trexton.companion.experiments.style import COLORS
 from trexton.companion.player.playback import player_html, record_replay, replay
@@ -155,27 +154,3 @@ def test_every_colour_of_the_figures_has_its_shade_in_the_dark():
     book = Path("book/_static/book.css").read_text(encoding="utf-8")
     for name in COLORS.keys() - {"printed"}:
         assert f"--fig-{COLORS[name][1:].lower()}: #" in book, name
-
-
-def test_play_writes_the_page(flight_folder, tmp_path):
-    assert main(["train", str(flight_folder), "-o", str(tmp_path / "map.npz")]) == 0
-    words = ["play", str(flight_folder), "--map", str(tmp_path / "map.npz")]
-    assert main([*words, "--out", str(tmp_path / "player.html")]) == 0
-    page = (tmp_path / "player.html").read_text()
-    assert len(embedded(page)["frames"]) == 20  # the test split
-
-
-def test_no_samples_are_all_patches(tmp_path):
-    colourful_flight(tmp_path / "room")
-    texton_map = str(tmp_path / "map.npz")
-    assert main(["train", str(tmp_path / "room"), "-o", texton_map, "--textons", "4"]) == 0
-    words = ["play", str(tmp_path / "room"), "--map", texton_map]
-    assert main([*words, "--samples", "0", "--out", str(tmp_path / "all.html")]) == 0
-    frames = embedded((tmp_path / "all.html").read_text())["frames"]
-    assert frames[0]["patches"] is None and frames[0]["histogram"]
-
-
-def test_a_map_that_is_not_there_is_said(flight_folder, tmp_path, capsys):
-    words = ["play", str(flight_folder), "--map", str(tmp_path / "no.npz")]
-    assert main([*words, "--out", str(tmp_path / "player.html")]) == 1
-    assert "no such map" in capsys.readouterr().err

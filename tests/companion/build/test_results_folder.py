@@ -14,7 +14,7 @@ from trexton.companion.build import make
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
 from trexton.companion.build.sweep import SweepPlan, sweep
-from trexton.companion.build.workers import workers
+from trexton.companion.build.workers import jobs_here, threads_of
 
 KEPT = "mend it, what was there before is kept"
 
@@ -52,10 +52,10 @@ def test_without_a_home_or_open_files_a_run_is_refused_in_a_sentence(monkeypatch
     with monkeypatch.context() as patch:
         patch.setattr(resource, "getrlimit", lambda kind: (32, 32))
         with pytest.raises(TrextonError, match="32 open files are allowed: say ulimit -n 1024"):
-            workers(None, 1).__enter__()
+            jobs_here(None, 1)
     monkeypatch.setenv("HOME", "/proc")
     with pytest.raises(TrextonError, match="/proc: the home folder cannot be written to"):
-        workers(None, 1).__enter__()
+        jobs_here(None, 1)
 
 
 def test_a_disk_that_fills_under_the_book_is_named(monkeypatch, tmp_path):
@@ -68,7 +68,5 @@ def test_a_disk_that_fills_under_the_book_is_named(monkeypatch, tmp_path):
 
 
 def test_a_single_notebook_has_every_core():
-    with workers(None, None, 1) as crew:
-        assert crew.jobs == 1 and crew.threads(alone=False) is None
-    with workers(None, 2) as crew:
-        assert crew.threads(alone=False) is not None and crew.threads(alone=True) is None
+    assert jobs_here(None, 1) == 1 and threads_of(1) is None
+    assert threads_of(2) is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from pathlib import Path
@@ -12,8 +11,7 @@ from conftest import ROOT, small_flight
 from slurm_tools import LocalSlurm, missing
 
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.plan import run_experiments
-from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.build.sweep import SweepPlan, sweep
 from trexton.flights import write_flight
 
 
@@ -22,9 +20,12 @@ from trexton.flights import write_flight
 def test_records_through_slurm_are_equal_to_the_bit(tmp_path):
     jobqueue = pytest.importorskip("dask_jobqueue")
     flight = FlightPair(str(write_flight(small_flight(), tmp_path / "room")))
-    chosen = {"repeats": 3, "particles": 9, "neighbors": 2}
-    experiments = {name: EXPERIMENTS[name] for name in ("mocap_training", "map_loss")}
-    run_experiments([flight], tmp_path / "here", settings=chosen, experiments=experiments)
+    plan = SweepPlan(
+        "mocap_training",
+        {"repeats": [3], "particles": [9], "neighbors": [2], "seed": [1, 2]},
+        [flight],
+    )
+    sweep(plan, tmp_path / "here")
     (tmp_path / "slurm").mkdir()
     paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
     with (
@@ -38,15 +39,7 @@ def test_records_through_slurm_are_equal_to_the_bit(tmp_path):
     ):  # fmt: skip
         cluster.scale(jobs=2)
         cluster.wait_for_workers(2, timeout=120)
-        outcomes = run_experiments(
-            [flight], tmp_path / "there", settings=chosen, experiments=experiments,
-            cluster=cluster.scheduler_address,
-        )  # fmt: skip
-    assert [outcome.status for outcome in outcomes] == ["ran", "ran"], outcomes
-    for name in experiments:
-        here, there = (
-            json.loads((tmp_path / out / "small" / f"{name}.json").read_text())
-            for out in ("here", "there")
-        )
-        for key in ("parameters", "values", "series", "images", "provenance"):
-            assert here[key] == there[key], f"{name}: {key}"
+        swept = sweep(plan, tmp_path / "there", cluster=cluster.scheduler_address)
+    assert swept.counts["ran"] == 2, swept.failed
+    here, there = ((tmp_path / out / "sweep.json").read_bytes() for out in ("here", "there"))
+    assert here == there

@@ -12,7 +12,7 @@ from conftest import small_flight
 from trexton.base.errors import ParameterError
 from trexton.cli import main as cli
 from trexton.companion.build.flight_pairs import FlightPair, check_names
-from trexton.companion.build.sweep import Floors, SweepPlan, sweep
+from trexton.companion.build.sweep import SweepPlan, sweep
 from trexton.companion.experiments import mocap_training
 from trexton.flights import write_flight
 
@@ -97,12 +97,6 @@ def test_two_flights_of_one_name_are_refused(flight, tmp_path):
     pairs = [FlightPair(flight), FlightPair(str(tmp_path / "other"))]
     with pytest.raises(ParameterError, match="two flights are named 'small'"):
         sweep(SweepPlan("mocap_training", SETTINGS, pairs), tmp_path / "out")
-    write_flight(replace(small_flight(), name="hall-0"), tmp_path / "hall")
-    plan = SweepPlan(
-        "mocap_training", SETTINGS, [FlightPair(str(tmp_path / "hall"))], Floors(floors=1)
-    )
-    with pytest.raises(ParameterError, match="two flights are named 'hall-0'"):
-        sweep(plan, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -110,36 +104,20 @@ def test_two_flights_of_one_name_are_refused(flight, tmp_path):
     ("line", "message"),
     [
         ("set = 3", "set is 3: expected a table"),
-        ('floors = "two"', "floors is 'two': expected int"),
-        ("floors = true", "floors is True: expected int"),
-        ('layouts = "hall"', "layouts is 'hall': expected a list of texts"),
+        ('test_flight = ["a"]', "test_flight is ['a']: expected str or None"),
+        ('flights = "hall"', "flights is 'hall': expected a list of texts"),
         ("flights = [3]", "flights is [3]: expected a list of texts"),
         ('experiment = ["light"]', "experiment is ['light']: expected str"),
-        ('floors = 1\nlayouts = ["../../hall"]', "layout '../../hall' is unknown"),
-        ("floors = 1\nframes = -4", "frames is -4: expected 1 or more"),
-        ("floors = 1\n[set]\nseed = []", "seed has no values to sweep"),
+        ('flights = ["ROOM"]\n[set]\nseed = []', "seed has no values to sweep"),
     ],
 )
-def test_a_plan_with_other_things_in_it_is_refused(tmp_path, capsys, line, message):
-    """Letters of a word are no list of layouts, and nothing is flown before all is read."""
+def test_a_plan_with_other_things_in_it_is_refused(flight, tmp_path, capsys, line, message):
+    """Letters of a word are no list of flights, and nothing is run before all is read."""
     plan, out = tmp_path / "plan.toml", tmp_path / "out"
     named = "" if line.startswith("experiment") else 'experiment = "mocap_training"\r\n'
-    plan.write_text(named + line, encoding="utf-8-sig")
+    plan.write_text(named + line.replace("ROOM", flight), encoding="utf-8-sig")
     assert cli.main(["sweep", str(plan), "--out", str(out), "--quiet"]) == 1
     assert message in capsys.readouterr().err and not out.exists()
-
-
-def test_floors_are_flown_first_and_kept(tmp_path):
-    floors = Floors(floors=1, every=4, frames=12)
-    settings = {"cells": [2], "images": [5], "textons": [4], "patches_per_image": [50]}
-    plan = SweepPlan("texton_dictionary", settings, floors=floors, layouts=["carpet"])
-    swept = sweep(plan, tmp_path / "out", jobs=1)
-    assert swept.counts == {"ran": 1, "reused": 0, "failed": 0}, swept.failed
-    assert swept.rows[0]["flight"] == "carpet-0" and swept.rows[0]["patches"] == 250
-    flown = tmp_path / "out" / "flights" / "carpet-0-survey" / "flight.toml"
-    before = flown.stat().st_mtime_ns
-    assert sweep(plan, tmp_path / "out", jobs=1).counts["reused"] == 1
-    assert flown.stat().st_mtime_ns == before
 
 
 def test_a_cell_that_fails_costs_only_itself(flight, tmp_path, capsys):
@@ -169,10 +147,10 @@ def test_a_cell_that_fails_costs_only_itself(flight, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("plan", "message"),
     [
-        ('experiment = "moon"\nfloors = 1', "no experiment 'moon' to sweep: there are"),
-        ('experiment = "mocap_training"', "a sweep needs flights or floors"),
-        ("floors = 1", "no experiment '' to sweep"),
-        ("floors = 1\nmoon = 1", "a plan has no parameter 'moon'"),
+        ('experiment = "moon"', "no experiment 'moon' to sweep: there are"),
+        ('experiment = "mocap_training"', "a sweep needs flights: name some"),
+        ("", "no experiment '' to sweep"),
+        ("moon = 1", "a plan has no parameter 'moon'"),
         (
             'experiment = "timing"\nflights = ["ROOM"]\n[set]\nmoon = 1',
             "timing has no parameter 'moon'",

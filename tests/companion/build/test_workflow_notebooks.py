@@ -53,7 +53,9 @@ def test_a_result_kept_with_the_code_that_a_notebook_shows_goes_into_it():
     inputs = notebooks["fine"].inputs({}, {})
     assert "file data/reference/fine.json" in inputs
     before = inputs | {"file data/reference/fine.json": "1"}
-    assert reasons(before, inputs) == ["file data/reference/fine.json changed"]
+    assert reasons(before, inputs) == [
+        f"file data/reference/fine.json 1 -> {inputs['file data/reference/fine.json'][:12]}"
+    ]
 
 
 def reasons(before, now, outputs=None, left=None):
@@ -75,21 +77,19 @@ def test_changes_are_told_in_words():
         "file data/paper/claims.toml": "1", "the notebook's text": "b", "record small/first": "2",
     }  # fmt: skip
     assert reasons(old, new) == [
-        "data of the flight test is new",
-        "file data/paper/claims.toml is new",
-        "module trexton.x changed",
-        "module trexton.y is gone",
-        "module trexton.z is new",
+        "data of the flight test absent -> 2",
+        "file data/paper/claims.toml absent -> 1",
+        "module trexton.x 1 -> 2",
+        "module trexton.y 1 -> absent",
+        "module trexton.z absent -> 1",
         "parameter gone 2 -> absent",
         "parameter n 1 -> 2",
-        "record small/first changed",
-        "the notebook's text changed",
+        "record small/first 1 -> 2",
+        "the notebook's text a -> b",
         "version of numpy 2.0 -> 2.1",
     ]
     left = {"a.json": "1", "b.svg": "2"}
-    assert reasons({}, {}, left, {"b.svg": "3", "c.svg": "1"}) == [
-        "a.json is missing", "b.svg is not what the run left",
-    ]  # fmt: skip
+    assert reasons({}, {}, left, {"b.svg": "3"}) == ["a.json 1 -> absent", "b.svg 2 -> 3"]
 
 
 def test_every_registered_experiment_has_a_notebook_and_every_dependency_exists():

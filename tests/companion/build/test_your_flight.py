@@ -1,4 +1,4 @@
-"""The page "Your own flight": its commands are run when the book is made."""
+"""The page "Your own flight": what it says of commands, importers and the header is so."""
 
 from __future__ import annotations
 
@@ -8,41 +8,15 @@ import tomllib
 
 import cv2
 import numpy as np
-import pytest
 from conftest import ROOT
 from small_recording import recording
-from small_room import histogram_flight, picture_flight
 
-from trexton.base.errors import DataError
 from trexton.cli.main import main
-from trexton.companion.build import console_output
-from trexton.companion.build.console_output import with_output
 from trexton.companion.build.prose import context, render
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.importers import IMPORTERS, importer
 
 PAGE = ROOT / "book" / "your_flight.md"
-
-
-def test_commands_are_run_in_order_and_shown_with_what_they_say(tmp_path, monkeypatch):
-    flight = picture_flight(tmp_path / "pictures", "room", 16)
-    page = (
-        "# T\n\n```bash\n{}\n```\n\n```python\nx\n```\n\n```bash\ntrexton check \\\n  room\n```\n"
-    )
-    text = page.format("trexton import my-recording --out room --split 0.5")
-    shown = with_output(text, flight, tmp_path / "kept.json")
-    first, second = re.findall(r"^```text\n(.*?)^```", shown, re.M | re.S)
-    assert "6 images of" in first and second.splitlines()[1] == "frames       6 (0 to 5)"
-    assert re.sub(r"\n```text\n.*?```\n", "", shown, flags=re.S) == text
-    with monkeypatch.context() as patch:
-        patch.setattr(console_output, "lay_recording", None)  # nothing is run again
-        assert with_output(text, flight, tmp_path / "kept.json") == shown
-    with pytest.raises(DataError, match="'trexton check nowhere' in a page ended with 1"):
-        with_output(page.format("trexton check nowhere"), flight, tmp_path / "kept.json")
-    with pytest.raises(DataError, match="expected a line that begins with trexton"):
-        with_output(page.format("rm -r /"), flight, tmp_path / "kept.json")
-    with pytest.raises(DataError, match="plain has no image files"):
-        with_output(text, histogram_flight("plain", 60), tmp_path / "other.json")
 
 
 def test_the_first_commands_of_the_page_leave_what_it_says(tmp_path, monkeypatch, capsys):

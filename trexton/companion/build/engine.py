@@ -29,6 +29,7 @@ __all__ = ["Fact", "Step", "build", "files_fact", "labelled"]
 
 # Counts up whenever results of an older version of this package must not be taken over.
 _VERSION = "2"
+_SHOWN = 12  # characters of a value or a hash in a reason
 Entries = dict[str, str]
 
 
@@ -90,8 +91,6 @@ class Step:
         What it leaves (first its own files), and what of other steps it reads.
     alone : bool
         It measures time: nothing runs beside it.
-    urgent : bool
-        It starts before others: it takes long, or others wait for it.
     """
 
     name: str
@@ -100,7 +99,6 @@ class Step:
     leaves: Sequence[Fact]
     reads: Sequence[Fact] = ()
     alone: bool = False
-    urgent: bool = False
 
     @property
     def facts(self) -> list[Fact]:
@@ -109,13 +107,12 @@ class Step:
 
     def task(self, perform: Callable[[Step], None]) -> pytask.TaskWithoutPath:
         """As pytask has it."""
-        turn = "try_last" if self.alone else "try_first" if self.urgent else ""
         return _Task(
             name=self.name,
             function=lambda **_: perform(self),
             depends_on={"reads": self.facts},
             produces={"leaves": list(self.leaves)},
-            markers=[pytask.Mark(turn, (), {})] if turn else [],
+            markers=[pytask.Mark("try_last", (), {})] if self.alone else [],
         )
 
 
@@ -249,19 +246,9 @@ def _sentence(name: str, error: BaseException) -> str:
 
 
 def _remembered(root: Path) -> dict[str, dict[str, str]]:
-    """What the engine's lock file (and the journal of a run cut short) holds, by task and fact.
-
-    A file that cannot be read is put away: everything is then run again, which is always right.
-    """
+    """What the engine's lock file, and the journal of a run cut short, hold, by task and fact."""
     lock, journal = root / "pytask.lock", root / "pytask.lock.journal"
-    try:
-        content = tomllib.loads(lock.read_text("utf-8")) if lock.is_file() else {"task": []}
-        entries = content["task"]
-        if content.get("lock-version", "1") != "1":
-            raise ValueError("another version")
-    except (ValueError, KeyError, TypeError):
-        lock.replace(lock.with_suffix(".damaged"))
-        entries = []
+    entries = tomllib.loads(lock.read_text("utf-8"))["task"] if lock.is_file() else []
     if journal.is_file():
         for line in journal.read_text("utf-8", errors="replace").splitlines():
             try:
@@ -272,27 +259,14 @@ def _remembered(root: Path) -> dict[str, dict[str, str]]:
 
 
 def _reasons(step: Step, before: Mapping[str, str] | None) -> list[str]:
-    """Why the last run cannot be reused, in words."""
+    """Why the last run cannot be reused: each entry that is not as it was."""
     if before is None:
         return ["no finished run"]
     lines = []
     for fact in (*step.facts, step.leaves[0]):
         old, new = json.loads(before.get(fact.name, "{}")), fact.read() or {}
         for key in sorted(old.keys() | new.keys()):
+            was, now = (each.get(key, "absent")[:_SHOWN] for each in (old, new))
             if old.get(key) != new.get(key):
-                own = fact is step.leaves[0]
-                lines.append((_touched if own else _difference)(key, old.get(key), new.get(key)))
-    return list(dict.fromkeys(filter(None, lines)))
-
-
-def _touched(file: str, old: str | None, new: str | None) -> str:
-    """What is no longer as the run left it; what was put beside it does not count."""
-    if old is None:
-        return ""
-    return f"{file} is missing" if new is None else f"{file} is not what the run left"
-
-
-def _difference(key: str, old: str | None, new: str | None) -> str:
-    if key.startswith(("parameter ", "version of ")):
-        return f"{key} {old or 'absent'} -> {new or 'absent'}"
-    return f"{key} {'is new' if old is None else 'is gone' if new is None else 'changed'}"
+                lines.append(f"{key} {was} -> {now}")
+    return list(dict.fromkeys(lines))

@@ -1,7 +1,6 @@
-"""Run one notebook in a folder of its own; its files are handed back, not written.
+"""Run one notebook by papermill, in a kernel of its own.
 
-The same function serves a thread of this process and a worker of a cluster: what goes in and what
-comes out is plain data.
+Offers `execute`, and `stop_all`, which ends all kernels of this process.
 """
 
 from __future__ import annotations
@@ -10,73 +9,19 @@ import json
 import logging
 import os
 import re
-import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from subprocess import DEVNULL
 from typing import Any
 
+from trexton.companion.build.notebooks import Notebook
 from trexton.companion.executor import PROCESSES, THREAD_VARIABLES
 from trexton.vision.threads import usable_cores
 
-__all__ = ["Done", "Job", "execute", "stop_all"]
+__all__ = ["execute", "stop_all"]
 
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _kernels: set[Any] = set()  # of this process, so that they can be ended together
-
-
-@dataclass(frozen=True)
-class Job:
-    """One notebook to run.
-
-    Attributes
-    ----------
-    name, text, source : str
-        Of the experiment; the MyST notebook; where it stands, for messages.
-    parameters : dict
-        What is set in it, `out` among it: the folder that the reader sees.
-    subfolder : str
-        Where below `out` the results belong: the flight's name.
-    records : dict of str to bytes
-        Files below `out` that the notebook may read.
-    folder, work : str
-        Working folder, from which relative paths of flights are seen; where the files lie that it
-        makes.
-    threads : int or None
-        Threads that the numerical libraries may take; None: the machine is this notebook's, and
-        what it spreads runs in as many processes as there are processors.
-    """
-
-    name: str
-    text: str
-    source: str
-    parameters: Mapping[str, Any]
-    subfolder: str
-    records: Mapping[str, bytes]
-    folder: str
-    work: str
-    threads: int | None = None
-
-    def environment(self) -> dict[str, str]:
-        """Of the kernel."""
-        chosen = {
-            "JUPYTER_PREFER_ENV_PATH": "1",
-            "PYDEVD_DISABLE_FILE_VALIDATION": "1",
-            PROCESSES: str(usable_cores() if self.threads is None else 1),
-        }
-        if self.threads is not None:
-            chosen |= dict.fromkeys(THREAD_VARIABLES, str(self.threads))
-        return {**os.environ, **chosen}
-
-
-@dataclass(frozen=True)
-class Done:
-    """What a run left: files by name, or a sentence and the partial notebook."""
-
-    files: dict[str, bytes] = field(default_factory=dict)
-    error: str | None = None
-    partial: bytes | None = None
 
 
 def stop_all() -> None:
@@ -87,58 +32,66 @@ def stop_all() -> None:
             process.kill()
 
 
-def execute(job: Job) -> Done:
-    """Run one notebook."""
-    with tempfile.TemporaryDirectory(prefix=".work.", dir=job.work) as name:
-        out = Path(name).resolve() / "out"
-        (out / job.subfolder).mkdir(parents=True)
-        for path, content in job.records.items():
-            (out / path).parent.mkdir(parents=True, exist_ok=True)
-            (out / path).write_bytes(content)
-        notebook, error = _papermill(job, Path(name), str(out))
-        text = None if notebook is None else _cleaned(notebook, job.parameters, str(out)).encode()
-        if error:
-            return Done(error=error.replace(str(out), str(job.parameters["out"])), partial=text)
-        files = {
-            path.name: path.read_bytes()
-            for path in sorted((out / job.subfolder).iterdir())
-            if path.is_file() and re.match(rf"{re.escape(job.name)}[.-]", path.name)
-        }
-    if f"{job.name}.json" not in files:
-        error = f"{job.source}: it left no {job.name}.json in its folder of results"
-        return Done(error=error, partial=text)
-    return Done(files | {f"{job.name}.ipynb": text or b""})
+def execute(
+    source: Notebook,
+    parameters: Mapping[str, Any],
+    work: Path,
+    threads: int | None,
+) -> tuple[str | None, str | None]:
+    """The notebook as far as it was executed, and a sentence where that failed.
 
-
-def _papermill(job: Job, folder: Path, out: str) -> tuple[Any, str | None]:
-    """The notebook as far as it was executed, and a sentence where that failed."""
+    Parameters
+    ----------
+    parameters : mapping
+        What is set in it, `out` among it: the folder that the reader sees.
+    work : path
+        The folder that it writes to instead; the notebook itself is written beside it.
+    threads : int or None
+        Threads that the numerical libraries may take; None: the machine is this notebook's, and
+        what it spreads runs in as many processes as there are processors.
+    """
     import jupytext
     import nbformat
     import papermill
     from papermill.exceptions import PapermillExecutionError
 
-    original, executed, error, given = folder / "given.ipynb", folder / "run.ipynb", None, -1
+    original, executed = work.with_name("given.ipynb"), work.with_name("run.ipynb")
+    error, given = None, -1
     try:
-        notebook = jupytext.reads(job.text, fmt="md:myst")
+        notebook = jupytext.reads(source.text, fmt="md:myst")
         tags = [cell.metadata.get("tags", []) for cell in notebook.cells]
         given = next((at for at, each in enumerate(tags) if "parameters" in each), given)
         jupytext.write(notebook, original)
         _register_engine()
         logging.getLogger("papermill").setLevel(logging.ERROR)  # parameters need no default
         papermill.execute_notebook(
-            original, executed, parameters={**job.parameters, "out": out}, engine_name="trexton",
-            kernel_name="python3", progress_bar=False, job=job,
+            original, executed, parameters={**parameters, "out": str(work)}, engine_name="trexton",
+            kernel_name="python3", progress_bar=False, environment=_environment(threads),
         )  # fmt: skip
     except PapermillExecutionError as fault:
         # Counted as in the source: papermill put a cell of its own in after number `given`.
         number = fault.cell_index + (fault.cell_index <= given)
         first = next((line for line in fault.source.splitlines() if line.strip()), "")
         message = _ANSI.sub("", fault.evalue).strip() or "no message"
-        where = f"{job.source}, cell {number} ({first.strip()!r} ...)"
-        error = f"{where}: {fault.ename}: {message}"
+        where = f"{source.source}, cell {number} ({first.strip()!r} ...)"
+        error = f"{where}: {fault.ename}: {message}".replace(str(work), str(parameters["out"]))
     except Exception as fault:  # a kernel that died, a notebook that cannot be read: others go on
-        error = f"{job.source}: {type(fault).__name__}: {fault}"
-    return nbformat.read(executed, as_version=4) if executed.exists() else None, error
+        error = f"{source.source}: {type(fault).__name__}: {fault}"
+    if not executed.exists():
+        return None, error
+    return _cleaned(nbformat.read(executed, as_version=4), parameters, str(work)), error
+
+
+def _environment(threads: int | None) -> dict[str, str]:
+    """Of a kernel."""
+    chosen = {
+        "JUPYTER_PREFER_ENV_PATH": "1",
+        "PYDEVD_DISABLE_FILE_VALIDATION": "1",
+        PROCESSES: str(usable_cores() if threads is None else 1),
+    }
+    if threads is not None:
+        chosen |= dict.fromkeys(THREAD_VARIABLES, str(threads))
+    return {**os.environ, **chosen}
 
 
 def _register_engine() -> None:
@@ -150,13 +103,13 @@ def _register_engine() -> None:
 
         @classmethod
         def execute_managed_notebook(
-            cls, nb_man: Any, kernel_name: str, *, job: Job, **options: Any
+            cls, nb_man: Any, kernel_name: str, *, environment: dict[str, str], **options: Any
         ) -> None:
             client = PapermillNotebookClient(nb_man, kernel_name=kernel_name)
             manager = client.create_kernel_manager()
             _kernels.add(manager)
             try:
-                client.execute(env=job.environment(), cwd=job.folder, stderr=DEVNULL)
+                client.execute(env=environment, stderr=DEVNULL)
             finally:
                 _kernels.discard(manager)
 

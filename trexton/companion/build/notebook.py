@@ -6,6 +6,7 @@ Offers `Page`, and the names that notebooks ask this module for.
 from __future__ import annotations
 
 import importlib
+import json
 import shlex
 from collections.abc import Mapping
 from html import escape
@@ -13,19 +14,19 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from IPython.display import HTML, SVG, Markdown
+from IPython.display import HTML, SVG, Markdown, display
 from matplotlib.figure import Figure
 
 from trexton.base.files import atomic_file
 from trexton.base.records import Record
-from trexton.companion.build.given import Given, given
-from trexton.companion.build.kept import reference, swept
+from trexton.companion.build.flight_pairs import Given, given
 from trexton.companion.claims.ledger import judge_all, load_claims, write_ledger
 from trexton.companion.claims.page import claims_html, counts_html, filters_html
 from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.experiments.style import to_png, to_svg
 from trexton.companion.player.playback import PlayedFlight, player_html
+from trexton.companion.provenance import kept_results, made_by
 from trexton.companion.wording import (
     METRES_FROM,
     Tree,
@@ -225,3 +226,39 @@ def ledger(out: str) -> tuple[HTML, HTML]:
     rows = write_ledger(Path(out))
     table = claims_html(rows, "Every claim of the paper, and our test of it.")
     return HTML(counts_html(rows, "Verdicts by flight.")), HTML(filters_html(rows) + table)
+
+
+def reference(experiment: str) -> Record | None:
+    """The record of a run too long for every book, kept with the code; None where there is none."""
+    path = _kept(experiment)
+    if path is None:
+        return None
+    record = Record.load(path)
+    _say_if_stale(experiment, record.experiment, record.provenance)
+    return record
+
+
+def swept(plan: str) -> dict[str, Any] | None:
+    """The table of a plan in ``data/sweeps``, kept with the code; None where there is none."""
+    path = _kept(f"sweep-{plan}")
+    if path is None:
+        return None
+    table: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    _say_if_stale(path.stem, table["experiment"], table)
+    return table
+
+
+def _say_if_stale(name: str, experiment: str, made: Mapping[str, Any]) -> None:
+    """On the page, where a kept result was made by other code than stands here."""
+    if made.get("code") != made_by(EXPERIMENTS[experiment].module)["code"]:
+        at = f"commit {made['commit'][:12]}" if "commit" in made else "a commit it does not name"
+        display(
+            HTML(
+                f'<p class="stale">The kept result {escape(name)} was made by other code, at {at}. '
+                "<code>make full</code> renews it.</p>"
+            )
+        )
+
+
+def _kept(name: str) -> Path | None:
+    return next((path for path in kept_results() if path.stem == name), None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import shutil
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,10 +15,9 @@ from typing import Any
 
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import atomic_file, digest
-from trexton.companion.build import engine
+from trexton.companion.build import engine, execution
 from trexton.companion.build.display import Display, Outcome
 from trexton.companion.build.engine import Fact, Step, files_fact
-from trexton.companion.build.execution import Job
 from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out
 from trexton.companion.build.notebooks import (
     GIVEN,
@@ -26,13 +26,11 @@ from trexton.companion.build.notebooks import (
     outputs_of,
     read_content,
 )
-from trexton.companion.build.workers import Workers, workers
+from trexton.companion.build.workers import jobs_here, threads_of
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import EXPERIMENTS
 
 __all__ = ["run_experiments", "sole_writer"]
-
-_LONG_S = 60.0  # experiments that take longer start before others
 
 
 def run_experiments(
@@ -44,7 +42,6 @@ def run_experiments(
     jobs: int | None = None,
     notebooks: str | os.PathLike[str] | None = None,
     experiments: Mapping[str, Experiment] = EXPERIMENTS,
-    cluster: str | None = None,
 ) -> list[Outcome]:
     """Run every experiment on every pair of flights, and reuse what is still true.
 
@@ -58,11 +55,9 @@ def run_experiments(
     settings : mapping, optional
         ``name`` or ``experiment.name`` to a value, or to its text as typed.
     jobs : int, optional
-        Notebooks at once, by default as many as fit. On a cluster: as many as it has workers.
+        Notebooks at once, by default as many as fit.
     notebooks : path, optional
         The folder of notebooks, this package's own by default.
-    cluster : str, optional
-        Address of a Dask scheduler whose workers run the notebooks.
 
     Raises
     ------
@@ -85,9 +80,10 @@ def run_experiments(
     # What looks at every flight comes after all of them, also where one has failed.
     last = [_Page(notebook, experiments[notebook.name], None, {}) for notebook in everywhere]
     costs = {page.name: page.experiment.cost_s for page in on_flights + last}
-    with workers(cluster, jobs, len(costs)) as crew, sole_writer(out):
-        run = _Run(out, pairs, crew)
-        display = Display(costs, crew.jobs)
+    count = jobs_here(jobs, len(costs))
+    with sole_writer(out):
+        run = _Run(out, pairs, count)
+        display = Display(costs, count)
         run.build(on_flights, display)
         run.build(last, display)
     return [run.outcomes[page.name] for page in on_flights + last]
@@ -168,8 +164,8 @@ class _Page:
 class _Run:
     """One run into one folder of results: pages as steps, and what became of them."""
 
-    def __init__(self, out: Path, pairs: Sequence[FlightPair], crew: Workers):
-        self.out, self.pairs, self.crew = out, pairs, crew
+    def __init__(self, out: Path, pairs: Sequence[FlightPair], jobs: int):
+        self.out, self.pairs, self.jobs = out, pairs, jobs
         self.root = out / ".engine"
         self.outcomes: dict[str, Outcome] = {}
         for leftover in self.root.glob(".work.*"):  # of a run that was killed
@@ -188,7 +184,7 @@ class _Run:
                 ready.append(page)
         steps = [self._step(page, ready) for page in ready]
         if steps:
-            self.outcomes |= engine.build(steps, self.root, self.crew.jobs, self.crew.stop, display)
+            self.outcomes |= engine.build(steps, self.root, self.jobs, execution.stop_all, display)
 
     def _step(self, page: _Page, planned: Sequence[_Page]) -> Step:
         folder, name = self.out / page.flight, page.notebook.name
@@ -206,8 +202,6 @@ class _Run:
             ],
             reads=[_record_fact(path, timings=whole) for path in records],
             alone=page.experiment.alone,
-            urgent=page.experiment.cost_s > _LONG_S
-            or any(name in other.experiment.after for other in planned),
         )
 
     def _records(self, page: _Page, planned: Sequence[_Page]) -> list[Path]:
@@ -226,40 +220,36 @@ class _Run:
         return [path for path in records if f"{path.parent.name}/{path.stem}" not in stale]
 
     def _perform(self, page: _Page, records: Sequence[Path]) -> None:
-        """Run the notebook; its results replace the last ones when they are whole."""
-        folder, name = self.out / page.flight, page.notebook.name
-        done = self.crew.run(self._job(page, records))
-        failed = folder / f"{name}.failed.ipynb"
-        if done.error:
-            if done.partial:
-                _write(failed, done.partial)
-            kept = f"; partial output: {failed}" if done.partial else ""
-            raise TrextonError(done.error + kept)
-        old = {path.name for path in outputs_of(folder, name)}
-        for file, content in done.files.items():
-            _write(folder / file, content)
-        for file in (old - done.files.keys()) | {failed.name}:
-            (folder / file).unlink(missing_ok=True)
-
-    def _job(self, page: _Page, records: Sequence[Path]) -> Job:
+        """Run the notebook in a folder of its own; its results replace the last ones when they are
+        whole.
+        """
+        folder, notebook = self.out / page.flight, page.notebook
+        failed = folder / f"{notebook.name}.failed.ipynb"
         given = page.pair.parameters(self.out) if page.pair else {"out": str(self.out)}
-        files = {
-            str(path.relative_to(self.out)): path.read_bytes()
-            for record in records
-            for path in outputs_of(record.parent, record.stem)
-            if path.suffix in (".json", ".png")
-        }
-        return Job(
-            name=page.notebook.name,
-            text=page.notebook.text,
-            source=page.notebook.source,
-            parameters={**given, **page.parameters},
-            subfolder=page.flight,
-            records=files,
-            folder=os.getcwd(),
-            work=str(self.root.resolve()),
-            threads=self.crew.threads(page.experiment.alone),
-        )
+        with tempfile.TemporaryDirectory(prefix=".work.", dir=self.root) as name:
+            work = Path(name).resolve() / "out"
+            (work / page.flight).mkdir(parents=True)
+            for path in (path for each in records for path in outputs_of(each.parent, each.stem)):
+                if path.suffix in (".json", ".png"):
+                    place = work / path.relative_to(self.out)
+                    place.parent.mkdir(exist_ok=True)
+                    shutil.copyfile(path, place)
+            threads = threads_of(1 if page.experiment.alone else self.jobs)
+            text, error = execution.execute(notebook, {**given, **page.parameters}, work, threads)
+            left = outputs_of(work / page.flight, notebook.name)
+            files = {path.name: path.read_bytes() for path in left}
+        if not error and f"{notebook.name}.json" not in files:
+            error = f"{notebook.source}: it left no {notebook.name}.json in its folder of results"
+        if error:
+            if text:
+                _write(failed, text.encode())
+            raise TrextonError(error + (f"; partial output: {failed}" if text else ""))
+        files[f"{notebook.name}.ipynb"] = (text or "").encode()
+        old = {path.name for path in outputs_of(folder, notebook.name)}
+        for file, content in files.items():
+            _write(folder / file, content)
+        for file in (old - files.keys()) | {failed.name}:
+            (folder / file).unlink(missing_ok=True)
 
 
 def _label(record: Path) -> str:

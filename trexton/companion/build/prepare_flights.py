@@ -1,6 +1,6 @@
-"""Flights as steps: floors of a sweep, the book's simulated pair and the authors' real flight.
+"""The book's flights as steps: the simulated pair and the authors' real flight.
 
-Offers `flight_step` and `simulate`, and `prepare_flights`, which has the book's ready.
+Offers `prepare_flights`, which has them ready.
 """
 
 from __future__ import annotations
@@ -21,42 +21,10 @@ from trexton.companion.build.notebooks import inputs_of
 from trexton.flights import read_flight
 from trexton.flights.registry import fetch, raw_files
 
-__all__ = ["PATTERNS", "Prepared", "flight_step", "prepare_flights", "simulate"]
+__all__ = ["Prepared", "prepare_flights"]
 
-PATTERNS = ("survey", "waypoints")  # of a training and a test flight
+_PATTERNS = ("survey", "waypoints")  # of a training and a test flight
 _REAL = "cyberzoo"
-
-
-def flight_step(path: Path, inputs: Entries, make: Callable[[], object]) -> Step:
-    """The step that makes the flight at `path`, unless it is whole and of the same inputs."""
-
-    def read() -> Entries | None:
-        try:
-            return {path.name: read_flight(path).data_hash}
-        except (OSError, ValueError, FlightError):
-            return None
-
-    return Step(path.name, inputs, make, [Fact(f"flight {path.name}", read)])
-
-
-def simulation_inputs(**options: object) -> Entries:
-    """What goes into `simulate`."""
-    return inputs_of(options, code_hashes("trexton.simulator"), {})
-
-
-def simulate(
-    path: str,
-    pattern: str,
-    layout: str = "hall",
-    seed: int = 0,
-    every: int = 1,
-    frames: int | None = None,
-) -> None:
-    """Record one flight over a painted floor."""
-    from trexton.simulator import Floor, record_flight
-
-    floor = Floor.painted(layout, seed)
-    record_flight(path, pattern=pattern, floor=floor, every=every, frames=frames, replace=True)
 
 
 @dataclass
@@ -78,7 +46,7 @@ def prepare_flights(folder: Path, quick: bool = False) -> Prepared:
     TrextonError
         A flight could not be made, for another reason than that it cannot be fetched.
     """
-    simulated, real, prepared = [folder / f"sim-{p}" for p in PATTERNS], folder / _REAL, Prepared()
+    simulated, real, prepared = [folder / f"sim-{p}" for p in _PATTERNS], folder / _REAL, Prepared()
 
     def fetch_real() -> None:
         try:
@@ -87,17 +55,45 @@ def prepare_flights(folder: Path, quick: bool = False) -> Prepared:
             prepared.absent[_REAL] = str(error)
             raise
 
-    steps = [
-        flight_step(path, simulation_inputs(pattern=p), partial(_say_and_simulate, path, p))
-        for path, p in zip(simulated, PATTERNS, strict=True)
-    ]
     code = labelled("module", code_hashes("trexton.flights.cyberzoo"))
     files = labelled("file", {key: canonical_json(one) for key, one in raw_files(_REAL).items()})
-    steps.append(flight_step(real, code | files, fetch_real))
-    if quick:
-        real_only = build(steps[-1:], folder / ".engine", 1, lambda: None, Display())
-        if real_only[_REAL].good:
-            steps = steps[-1:]
+    _make([_step(real, code | files, fetch_real)], folder, prepared)
+    if not (quick and not prepared.absent):
+        steps = [
+            _step(
+                path, inputs_of({"pattern": pattern}, code_hashes("trexton.simulator"), {}),
+                partial(_simulate, path, pattern),
+            )
+            for path, pattern in zip(simulated, _PATTERNS, strict=True)
+        ]  # fmt: skip
+        _make(steps, folder, prepared)
+        prepared.pairs.append(FlightPair(*map(str, simulated)))
+    if not prepared.absent:
+        prepared.pairs.append(FlightPair(str(real)))
+    return prepared
+
+
+def _step(path: Path, inputs: Entries, make: Callable[[], object]) -> Step:
+    """The step that makes the flight at `path`, unless it is whole and of the same inputs."""
+
+    def read() -> Entries | None:
+        try:
+            return {path.name: read_flight(path).data_hash}
+        except (OSError, ValueError, FlightError):
+            return None
+
+    return Step(path.name, inputs, make, [Fact(f"flight {path.name}", read)])
+
+
+def _simulate(path: Path, pattern: str) -> None:
+    from trexton.simulator import record_flight
+
+    say(f"simulating {path}")
+    record_flight(path, pattern=pattern, replace=True)
+
+
+def _make(steps: list[Step], folder: Path, prepared: Prepared) -> None:
+    """Bring flights up to date, and note what became of each."""
     outcomes = build(steps, folder / ".engine", 1, lambda: None, Display())
     for name in (step.name for step in steps):
         one = outcomes[name]
@@ -108,13 +104,3 @@ def prepare_flights(folder: Path, quick: bool = False) -> Prepared:
         else:
             why = one.status if one.status == "reused" else f"made, because {one.reasons[0]}"
         prepared.said.append(f"flight {name}: {why}")
-    if len(steps) > 1:
-        prepared.pairs.append(FlightPair(*map(str, simulated)))
-    if not prepared.absent:
-        prepared.pairs.append(FlightPair(str(real)))
-    return prepared
-
-
-def _say_and_simulate(path: Path, pattern: str) -> None:
-    say(f"simulating {path}")
-    simulate(str(path), pattern)

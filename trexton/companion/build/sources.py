@@ -14,19 +14,14 @@ import nbformat
 import yaml
 
 from trexton.base.errors import DataError
-from trexton.companion.build.console_output import with_output
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.notebooks import outputs_of
 from trexton.companion.build.pages import figure_names, joined, label_of
 from trexton.companion.build.prose import FLIGHTS, context, records_by_name, render
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.flights.frames import ImageFiles
 
 __all__ = ["Contents", "lead_from_old_addresses", "stage"]
-
-# Pages whose commands are run, in order, on a part of a flight with images.
-_EXECUTED = {"your_flight"}
 
 
 @dataclass(frozen=True)
@@ -147,14 +142,10 @@ def stage(contents: Contents, folder: Path) -> None:
         A page of the table of contents does not exist, or asks for a value no record has.
     """
     names = _names(contents)
-    flights = (pair.test for pair in contents.pairs)
-    recorded = next((one for one in flights if isinstance(one.frames, ImageFiles)), None)
     for page, experiments in contents.pages.items():
         source, text = contents.source / f"{page}.md", ""
         if source.is_file():
             text = render(source, names)
-            if page in _EXECUTED and recorded:
-                text = with_output(text, recorded, contents.results / f"{page}.json")
         if experiments:
             own = {name: contents.executed[name] for name in experiments}
             nbformat.write(joined(own, contents.see, text), folder / f"{page}.ipynb")

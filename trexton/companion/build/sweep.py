@@ -1,7 +1,7 @@
-"""A sweep: one experiment over floors, flights and settings, resumable, its results as one table.
+"""A sweep: one experiment over flights and settings, resumable, its results as one table.
 
-Each flight over a floor and each cell, one setting on one flight, is a step of the engine: it is
-run once, here or on a cluster, and reused while what goes into it is the same.
+Each cell, one setting on one flight, is a step of the engine: it is run once, here or on a cluster,
+and reused while what goes into it is the same.
 """
 
 from __future__ import annotations
@@ -23,30 +23,19 @@ from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.base.records import Record
 from trexton.companion.build import engine
-from trexton.companion.build import prepare_flights as flown
 from trexton.companion.build.display import Display
-from trexton.companion.build.engine import Fact, Step, files_fact
+from trexton.companion.build.engine import Step, files_fact
 from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out, load_pair
 from trexton.companion.build.notebooks import inputs_of
 from trexton.companion.build.plan import sole_writer
-from trexton.companion.build.workers import Call, workers
+from trexton.companion.build.workers import Call, callers
 from trexton.companion.experiments.declaration import Experiment, SeedParameters
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import made_by
-from trexton.simulator.floor import LAYOUTS
 
-__all__ = ["Floors", "SweepPlan", "Swept", "read_plan", "sweep"]
+__all__ = ["SweepPlan", "Swept", "read_plan", "sweep"]
 
 Rows = list[dict[str, Any]]
-
-
-@dataclass(frozen=True)
-class Floors(Options):
-    """Floors to fly over, painted from the seeds 0, 1, ..."""
-
-    floors: int = option(0, "of each layout", low=0)
-    every: int = option(1, "keep every N-th simulated frame", low=1)
-    frames: int | None = option(None, "of a simulated flight", low=1)
 
 
 @dataclass(frozen=True)
@@ -60,23 +49,11 @@ class SweepPlan:
         The values of each parameter, or their texts; all combinations are run.
     pairs : sequence of FlightPair
         Recorded flights.
-    floors, layouts : Floors, sequence of str
-        Flights to simulate, besides.
     """
 
     experiment: str
     settings: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     pairs: Sequence[FlightPair] = ()
-    floors: Floors = Floors()
-    layouts: Sequence[str] = ("hall",)
-
-    def simulated(self) -> dict[str, dict[str, Any]]:
-        """Names, and the options of `simulate` in their order."""
-        given = {"every": self.floors.every, "frames": self.floors.frames}
-        return {
-            f"{layout}-{seed}": {"layout": layout, "seed": seed, **given}
-            for layout, seed in itertools.product(self.layouts, range(self.floors.floors))
-        }
 
 
 @dataclass(frozen=True)
@@ -89,16 +66,15 @@ class Swept:
 
 
 @dataclass(frozen=True)
-class _PlanFile(Floors):
-    """The words and numbers of a plan."""
+class _Words(Options):
+    """The words of a plan."""
 
     experiment: str = option("", "what is run in every cell")
     test_flight: str | None = option(None, "test on this flight instead of the split")
 
 
 def read_plan(path: Path) -> SweepPlan:
-    """The plan in a TOML file: ``experiment``, ``flights``, ``test_flight``, ``floors``,
-    ``layouts``, ``every``, ``frames`` and the table ``set``.
+    """The plan in a TOML file: ``experiment``, ``flights``, ``test_flight`` and the table ``set``.
 
     Raises
     ------
@@ -109,19 +85,16 @@ def read_plan(path: Path) -> SweepPlan:
         said = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError) as error:
         raise ParameterError(f"{path}: no readable plan ({error})") from None
-    settings, lists = said.pop("set", {}), {k: said.pop(k, []) for k in ("flights", "layouts")}
-    for name, value in lists.items():
-        if not (isinstance(value, list) and all(isinstance(one, str) for one in value)):
-            raise ParameterError(f"{path}: {name} is {value!r}: expected a list of texts")
+    settings, flights = said.pop("set", {}), said.pop("flights", [])
+    if not (isinstance(flights, list) and all(isinstance(one, str) for one in flights)):
+        raise ParameterError(f"{path}: flights is {flights!r}: expected a list of texts")
     if not isinstance(settings, dict):
         raise ParameterError(f"{path}: set is {settings!r}: expected a table")
-    words = _PlanFile.parse(said, "a plan")
+    words = _Words.parse(said, "a plan")
     return SweepPlan(
-        experiment=words.experiment,
-        settings={k: v if isinstance(v, list) else [v] for k, v in settings.items()},
-        pairs=[FlightPair(flight, words.test_flight) for flight in lists["flights"]],
-        floors=Floors(words.floors, words.every, words.frames),
-        layouts=lists["layouts"] or ["hall"],
+        words.experiment,
+        {name: each if isinstance(each, list) else [each] for name, each in settings.items()},
+        [FlightPair(flight, words.test_flight) for flight in flights],
     )
 
 
@@ -140,27 +113,24 @@ def sweep(
     Raises
     ------
     ParameterError
-        The experiment, a layout or a parameter does not exist or fit; nothing has been touched.
+        The experiment or a parameter does not exist or fit; nothing has been touched then.
     """
     if plan.experiment not in experiments or experiments[plan.experiment].every_flight:
         names = ", ".join(name for name, one in experiments.items() if not one.every_flight)
         raise ParameterError(f"no experiment {plan.experiment!r} to sweep: there are {names}")
-    if unknown := [name for name in plan.layouts if name not in LAYOUTS]:
-        known = ", ".join(LAYOUTS)
-        raise ParameterError(f"layout {unknown[0]!r} is unknown: choose one of {known}")
-    if not plan.pairs and not plan.simulated():
-        raise ParameterError("a sweep needs flights or floors: name some in the plan")
+    if not plan.pairs:
+        raise ParameterError("a sweep needs flights: name some in the plan")
     experiment = experiments[plan.experiment]
     chosen = _possible(_grid(plan, experiment))
-    check_names([*(pair.name for pair in plan.pairs), *plan.simulated()])
+    check_names(pair.name for pair in plan.pairs)
     check_out(out, plan.pairs)
     for pair in plan.pairs:
         if obstacle := pair.obstacle(experiment):
             raise ParameterError(f"{plan.experiment} cannot run: {obstacle}")
-    with workers(cluster, jobs) as crew, sole_writer(out), crew.calls() as call:
-        flying, cells = _steps(plan, experiment, chosen, out, call)
-        steps = flying + [cell.step for cell in cells]
-        outcomes = engine.build(steps, out / ".engine", crew.jobs, crew.stop, Display())
+    with callers(cluster, jobs) as (count, call, stop), sole_writer(out):
+        cells = _cells(plan, experiment, chosen, out, call)
+        steps = [cell.step for cell in cells]
+        outcomes = engine.build(steps, out / ".engine", count, stop, Display())
     failed = {name: one.reasons[0] for name, one in outcomes.items() if not one.good}
     rows = [_row(plan, cell) for cell in cells if cell.step.name not in failed]
     if rows:  # a table is not replaced by nothing
@@ -205,39 +175,22 @@ class _Cell(NamedTuple):
     step: Step
 
 
-def _steps(
+def _cells(
     plan: SweepPlan, experiment: Experiment, chosen: Sequence[Options], out: Path, call: Call
-) -> tuple[list[Step], list[_Cell]]:
-    """Flights to be flown, and cells."""
-    flying: list[Step] = []
-    flights = [(pair.name, pair, pair.hashes, list[Fact]()) for pair in plan.pairs]
-    for name, options in plan.simulated().items():
-        paths = [out / "flights" / f"{name}-{pattern}" for pattern in flown.PATTERNS]
-        both = [
-            flown.flight_step(
-                path, flown.simulation_inputs(pattern=pattern, **options),
-                partial(call, flown.simulate, str(path.resolve()), pattern, *options.values()),
-            )
-            for path, pattern in zip(paths, flown.PATTERNS, strict=True)
-        ]  # fmt: skip
-        flying += both
-        facts = [fact for step in both for fact in step.leaves]
-        flights.append((name, FlightPair(*map(str, paths)), {}, facts))
+) -> list[_Cell]:
     cells, module = [], experiment.module
-    for name, pair, data, facts in flights:
-        for parameters in chosen:
-            key = f"{plan.experiment}-{digest(parameters.as_dict())[:12]}"
-            path = out / "cells" / name / f"{key}.json"
-            step = Step(
-                f"{name}/{key}",
-                inputs_of(parameters.as_dict(), code_hashes(module), data),
-                partial(_measure_here, call, module, pair, parameters, path),
-                [files_fact(f"{name}/{key}: outputs", partial(_present, path))],
-                reads=facts,
-                alone=experiment.alone,
-            )
-            cells.append(_Cell(name, parameters, path, step))
-    return flying, cells
+    for pair, parameters in itertools.product(plan.pairs, chosen):
+        name = f"{pair.name}/{plan.experiment}-{digest(parameters.as_dict())[:12]}"
+        path = out / "cells" / f"{name}.json"
+        step = Step(
+            name,
+            inputs_of(parameters.as_dict(), code_hashes(module), pair.hashes),
+            partial(_measure_here, call, module, pair, parameters, path),
+            [files_fact(f"{name}: outputs", partial(_present, path))],
+            alone=experiment.alone,
+        )
+        cells.append(_Cell(pair.name, parameters, path, step))
+    return cells
 
 
 def _present(path: Path) -> list[Path]:
@@ -286,7 +239,6 @@ def _write(plan: SweepPlan, made: dict[str, Any], out: Path, rows: Rows) -> None
     content = {
         "experiment": plan.experiment,
         "settings": {name: list(values) for name, values in plan.settings.items()},
-        "floors": {**plan.floors.as_dict(), "layouts": list(plan.layouts)},
         "flights": {pair.name: pair.hashes for pair in plan.pairs},
         "rows": rows,
         **made,

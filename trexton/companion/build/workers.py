@@ -1,6 +1,6 @@
-"""Where steps run: kernels and processes of this machine, or the workers of a Dask cluster.
+"""Where steps run: kernels and processes of this machine; cells of a sweep on a Dask cluster too.
 
-Offers `workers`, and `connect`, a client of a cluster.
+Offers `jobs_here`, `callers`, and `connect`, a client of a cluster.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -23,79 +22,61 @@ from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import digest
 from trexton.base.options import whole
 from trexton.base.records import software_versions
-from trexton.companion.build import execution
-from trexton.companion.build.execution import Done, Job
 from trexton.companion.executor import end_with_parent, limited
 from trexton.vision.threads import usable_cores
 
-__all__ = ["Call", "Workers", "connect", "workers"]
+__all__ = ["Call", "callers", "connect", "jobs_here", "threads_of"]
 
 _MEMORY_PER_JOB = 2 * 2**30
 _OPEN_FILES = 256  # a run has more sockets and pipes than a shell's worth
 _HOME_BYTES = 2**16
 _GREETING_S = 30.0
 Call = Callable[..., Any]
+Stop = Callable[[], None]
 
 
-@dataclass(frozen=True)
-class Workers:
-    """So many `jobs` at once, here or (`call`) on a cluster; `stop` ends what is running."""
+def jobs_here(jobs: int | None, most: int) -> int:
+    """How many notebooks at once: `jobs`, else as many as this machine has processors and memory
+    for, and no more than there are steps, `most`.
 
-    jobs: int
-    stop: Callable[[], None] = execution.stop_all
-    call: Call | None = None
+    Raises
+    ------
+    ParameterError
+        `jobs` is below 1.
+    TrextonError
+        This machine allows too few open files, or there is no home folder to write to.
+    """
+    _check_surroundings()
+    room = psutil.virtual_memory().available // _MEMORY_PER_JOB
+    return max(1, min(usable_cores(), room, most)) if jobs is None else whole(jobs, "jobs")
 
-    def threads(self, alone: bool) -> int | None:
-        """The threads of a kernel: a share, or all (None) where it is alone."""
-        return None if alone or self.jobs == 1 else max(1, usable_cores() // self.jobs)
 
-    def run(self, job: Job) -> Done:
-        """Execute a notebook."""
-        if self.call is None:
-            return execution.execute(job)
-        done: Done = self.call(execution.execute, job)
-        return done
-
-    @contextmanager
-    def calls(self) -> Iterator[Call]:
-        """Calls a function of plain arguments: in a process of this machine, or on the cluster."""
-        if self.call is not None:
-            yield self.call
-            return
-        with limited(self.threads(alone=False)):
-            pool = ProcessPoolExecutor(self.jobs, get_context("spawn"), initializer=end_with_parent)
-            try:
-                yield lambda function, *words: pool.submit(function, *words).result()
-            finally:
-                pool.shutdown(wait=True, cancel_futures=True)
+def threads_of(jobs: int) -> int | None:
+    """The threads of one of so many `jobs`: a share, or all (None) where it is alone."""
+    return None if jobs == 1 else max(1, usable_cores() // jobs)
 
 
 @contextmanager
-def workers(cluster: str | None, jobs: int | None, most: int | None = None) -> Iterator[Workers]:
-    """This machine's (as many at once as it has processors and memory for, and no more than there
-    are steps, `most`), or the cluster's.
+def callers(cluster: str | None, jobs: int | None) -> Iterator[tuple[int, Call, Stop]]:
+    """How many at once, what calls a function of plain arguments, in a process of this machine or
+    on a Dask cluster, and what ends the waiting.
 
     Raises
     ------
     ParameterError
         No scheduler answers, it has no workers, or a worker has another version of this package;
         `jobs` is below 1.
-    TrextonError
-        This machine allows too few open files, or there is no home folder to write to.
     """
-    if jobs is not None:
-        whole(jobs, "jobs")
-    _check_surroundings()
     if cluster is None:
-        room = psutil.virtual_memory().available // _MEMORY_PER_JOB
-        yield Workers(jobs or max(1, min(usable_cores(), room, most or room)))
+        count = jobs_here(jobs, usable_cores())
+        with limited(threads_of(count)):
+            pool = ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent)
+            try:
+                yield count, lambda do, *words: pool.submit(do, *words).result(), lambda: None
+            finally:
+                pool.shutdown(wait=True, cancel_futures=True)
         return
     client = connect(cluster)
-
-    def stop() -> None:
-        if client.status == "running":
-            client.run(execution.stop_all)
-            client.close()
 
     def call(function: Call, *words: object) -> Any:
         try:
@@ -110,7 +91,7 @@ def workers(cluster: str | None, jobs: int | None, most: int | None = None) -> I
 
     try:
         count = _checked(client, cluster)
-        yield Workers(jobs or count, stop, call)
+        yield count if jobs is None else whole(jobs, "jobs"), call, client.close
     finally:
         client.close()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 from trexton.base.arguments import add_assignments, assignments
@@ -12,8 +11,6 @@ from trexton.base.errors import ParameterError
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
-
-_TLS = ("ca-file", "client.cert", "client.key")  # as Dask calls them
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,7 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these experiments only")
     add_run_arguments(parser)
     parser.add_argument("--notebooks", metavar="DIR", help="another folder of notebooks")
-    add_cluster_arguments(parser)
     parser.add_argument("--no-book", action="store_true", help="leave out the small book")
 
 
@@ -41,53 +37,18 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, metavar="N", help=help_jobs)
 
 
-def add_cluster_arguments(parser: argparse.ArgumentParser) -> None:
-    """``--cluster`` and the files of TLS with which it is reached."""
-    parser.add_argument(
-        "--cluster", metavar="ADDRESS",
-        help="run on a Dask cluster, such as tls://HOST:8786, whose workers see the same folders",
-    )  # fmt: skip
-    for name, held in (("ca", "authority"), ("cert", "certificate"), ("key", "private key")):
-        parser.add_argument(f"--tls-{name}", metavar="PEM", help=f"{held}, for a tls:// address")
-
-
-def reaching_cluster(arguments: argparse.Namespace) -> AbstractContextManager[object]:
-    """Within the block a cluster is reached with the files of TLS that were named.
-
-    Raises
-    ------
-    ParameterError
-        One is missing, or the address is none of TLS: what is sent would not be protected.
-    """
-    typed = (arguments.tls_ca, arguments.tls_cert, arguments.tls_key)
-    named = {f"distributed.comm.tls.{key}": file for key, file in zip(_TLS, typed, strict=True)}
-    if not any(typed):
-        return nullcontext()
-    if missing := [file for file in typed if file and not Path(file).is_file()]:
-        raise ParameterError(f"{missing[0]}: no such file: give one of TLS, as PEM")
-    if not (arguments.cluster or "").startswith("tls://"):
-        raise ParameterError(
-            f"files of TLS, but --cluster {arguments.cluster}: expected an address tls://HOST:PORT"
-        )
-    import dask
-
-    return dask.config.set(named)
-
-
 def run(arguments: argparse.Namespace) -> int:
     if arguments.test_flight is not None and len(arguments.flights) > 1:
         raise ParameterError("--test-flight belongs to one flight: run the others by themselves")
     pairs = [FlightPair(flight, arguments.test_flight) for flight in arguments.flights]
-    with reaching_cluster(arguments):
-        outcomes = run_experiments(
-            pairs,
-            arguments.out,
-            only=arguments.only,
-            settings=assignments(arguments.settings, "key=value"),
-            jobs=arguments.jobs,
-            notebooks=arguments.notebooks,
-            cluster=arguments.cluster,
-        )
+    outcomes = run_experiments(
+        pairs,
+        arguments.out,
+        only=arguments.only,
+        settings=assignments(arguments.settings, "key=value"),
+        jobs=arguments.jobs,
+        notebooks=arguments.notebooks,
+    )
     print_outcomes(outcomes, arguments.explain)
     if not arguments.no_book and any(outcome.status in ("ran", "reused") for outcome in outcomes):
         from trexton.companion.build.make import build_small_book

@@ -75,7 +75,7 @@ class Experiment:
     after : tuple of str
         Experiments that run before it on the same flight, because it reads what they leave.
     cost_s : float
-        About how long it takes; the longest start first.
+        About how long it takes, for the time that is left.
     alone : bool
         It measures time: nothing runs beside it.
     claims : tuple of dict
