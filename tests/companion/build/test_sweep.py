@@ -13,7 +13,6 @@ from trexton.base.errors import ParameterError
 from trexton.cli import main as cli
 from trexton.companion.build.flight_pairs import FlightPair, check_names
 from trexton.companion.build.sweep import SweepPlan, sweep
-from trexton.companion.experiments import mocap_training
 from trexton.flights import write_flight
 
 
@@ -43,21 +42,6 @@ def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
     assert (tmp_path / "out" / "sweep.json").read_bytes() == before
     wider = SweepPlan("mocap_training", SETTINGS | {"particles": [7, 9]}, [FlightPair(flight)])
     assert sweep(wider, tmp_path / "out", jobs=1).counts == {"ran": 2, "reused": 2, "failed": 0}
-
-
-def test_cells_that_cannot_run_here_are_left_out_with_a_word(flight, tmp_path, monkeypatch, capsys):
-    def obstacle(self):
-        return "seven is not here" if self.particles == 7 else None
-
-    monkeypatch.setattr(mocap_training.Parameters, "obstacle", obstacle)
-    settings = SETTINGS | {"seed": [1]}
-    plan = SweepPlan("mocap_training", settings, [FlightPair(flight)])
-    swept = sweep(plan, tmp_path / "out", jobs=1)
-    assert [row["particles"] for row in swept.rows] == [5] and swept.counts["ran"] == 1
-    assert "skipped: seven is not here" in capsys.readouterr().err
-    with pytest.raises(ParameterError, match="nothing is left to sweep: seven"):
-        sweep(replace(plan, settings=settings | {"particles": [7]}), tmp_path / "other")
-    assert not (tmp_path / "other").exists()
 
 
 def test_the_table_holds_every_number_and_no_times(flight, tmp_path):

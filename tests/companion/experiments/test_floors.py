@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton.base.errors import ParameterError
+from trexton.base.errors import ImageError, ParameterError
 from trexton.base.records import Record
 from trexton.cli.main import main
 from trexton.companion.experiments import suitability
@@ -64,9 +64,8 @@ def test_names_of_painted_floors():
 def test_pictures_are_named_with_their_width(picture, monkeypatch):
     monkeypatch.setenv("TREXTON_DATA", str(picture.parent))
     assert named_floor("floor.png@3").area == named_floor(f"{picture}@3.0").area == (0, 3, 0, 3)
-    assert suitability.Parameters(floors="few:3 floor.png@3").obstacle() is None
-    absent = suitability.Parameters(floors="few:3 other.png@3").obstacle()
-    assert absent is not None and "other.png" in absent
+    with pytest.raises(ImageError, match="other.png"):
+        named_floor("other.png@3")
 
 
 ROWS = [

@@ -20,7 +20,6 @@ from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.options import Options, option
-from trexton.base.progress import say
 from trexton.base.records import Record
 from trexton.companion.build import engine
 from trexton.companion.build.display import Display
@@ -29,7 +28,7 @@ from trexton.companion.build.flight_pairs import FlightPair, check_names, check_
 from trexton.companion.build.notebooks import inputs_of
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.workers import Call, callers
-from trexton.companion.experiments.declaration import Experiment, SeedParameters
+from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import made_by
 
@@ -121,7 +120,7 @@ def sweep(
     if not plan.pairs:
         raise ParameterError("a sweep needs flights: name some in the plan")
     experiment = experiments[plan.experiment]
-    chosen = _possible(_grid(plan, experiment))
+    chosen = _grid(plan, experiment)
     check_names(pair.name for pair in plan.pairs)
     check_out(out, plan.pairs)
     for pair in plan.pairs:
@@ -149,23 +148,6 @@ def _grid(plan: SweepPlan, experiment: Experiment) -> list[Options]:
         declared.parse(dict(zip(plan.settings, values, strict=True)), plan.experiment)
         for values in itertools.product(*plan.settings.values())
     ]
-
-
-def _possible(chosen: list[Options]) -> list[Options]:
-    """Those that have no ``obstacle`` to being run; the others with a word.
-
-    Raises
-    ------
-    ParameterError
-        None is left.
-    """
-    reasons = [one.obstacle() if isinstance(one, SeedParameters) else None for one in chosen]
-    for reason in filter(None, reasons):
-        say(f"skipped: {reason}")
-    left = [one for one, reason in zip(chosen, reasons, strict=True) if reason is None]
-    if not left:
-        raise ParameterError(f"nothing is left to sweep: {reasons[0]}")
-    return left
 
 
 class _Cell(NamedTuple):

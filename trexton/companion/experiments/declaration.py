@@ -109,10 +109,6 @@ class SeedParameters(Options):
 
     seed: int = option(1, "of all random numbers", low=0)
 
-    def obstacle(self) -> str | None:
-        """Why these parameters cannot be run together; None if they can."""
-        return None
-
     def record(
         self,
         *flights: Flight,

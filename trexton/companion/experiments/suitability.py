@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.base.errors import ImageError
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
@@ -47,15 +46,6 @@ class Parameters(SeedParameters, VirtualFlights):
     )
     frames: int = option(160, "of each survey; 0 takes as many as its lanes need", low=0)
     test_frames: int = option(60, "of the flight on which errors are measured", low=20)
-
-    def obstacle(self) -> str | None:
-        """Why these floors cannot be flown over here, for a sweep that goes on without them."""
-        for name in self.floors.split():
-            try:
-                named_floor(name)
-            except ImageError as error:
-                return str(error)
-        return None
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
