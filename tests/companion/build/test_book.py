@@ -15,12 +15,11 @@ from conftest import ROOT, mocap_record, small_flight
 
 import trexton
 from trexton.base.errors import DataError, TrextonError
-from trexton.companion.build import prepare_flights as book_flights
+from trexton.companion.build import make as book_flights
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.make import build_small_book
+from trexton.companion.build.make import build_small_book, prepare_flights
 from trexton.companion.build.plan import sole_writer
-from trexton.companion.build.prepare_flights import prepare_flights
 from trexton.companion.build.prose import context, public_names, render
 from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
 from trexton.companion.experiments.registry import EXPERIMENTS
