@@ -33,28 +33,6 @@ def test_a_room_that_works_is_said_to(record):
     assert any("trexton train loop -o loop.npz --method" in sentence for sentence in advice(record))
 
 
-def test_half_of_the_survey_says_whether_more_of_it_would_help(record):
-    half, whole = record.values["half"], record.values["errors"]["field"]["mean_cm"]["value"]
-    assert half["method"] == "field" and half["error_cm"] > whole
-    for error, word in ((10 * whole, "should help again"), (1.1 * whole, "would bring little")):
-        other = replace(record, values=record.values | {"half": half | {"error_cm": error}})
-        assert any("every other 5 s" in said and word in said for said in advice(other))
-
-
-def test_photographs_taken_seconds_apart_are_halved_by_longer_stretches():
-    train, test = (replace(flight, time=100 * flight.time) for flight in map(make_flight, (1, 2)))
-    slow = run(train, test, Parameters(methods="field"))
-    interval = float(np.median(np.diff(train.time)))
-    assert interval > 5 and slow.values["half"]["stretch_s"] == pytest.approx(3 * interval)
-    assert any(f"every other {3 * interval:.0f} s" in said for said in advice(slow))
-
-
-def test_a_survey_of_one_stretch_is_not_halved():
-    short = run(make_flight(1, frames=60), make_flight(2), Parameters())
-    assert "half" not in short.values
-    assert not any("every other" in said for said in advice(short))
-
-
 def test_the_error_to_expect_is_that_of_the_places_of_the_test():
     train = make_flight(1)
     near = run(train, make_flight(2).select(slice(0, 40)), Parameters()).values["predicted"]

@@ -26,10 +26,7 @@ from trexton.localization.training_set import EXCLUDED_SECONDS
 
 BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
 SHARPNESS_FRAMES = 200  # are enough to estimate the share
-STRETCH_S = 5.0  # of a survey: every other one makes half of it
-HELPS = 0.8  # of the error with half of the survey: where the whole errs less, more of it helps
 NO_CAMERA = "for histograms alone; a camera needs a training flight of pictures"
-DENSE = "a denser survey would bring little"
 
 
 def limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]:
@@ -51,11 +48,6 @@ def limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]
         )
         found["blurred"] = float((sharp < BLURRED * np.median(sharp)).mean())
     return found
-
-
-def stretch_s(time: np.ndarray) -> float:
-    """Seconds of the stretches that halve a survey: of three frames or more."""
-    return max(STRETCH_S, 3 * float(np.median(np.diff(time))))
 
 
 def best_method(record: Record) -> tuple[str, dict[str, float]]:
@@ -143,16 +135,7 @@ def what_limits(record: Record) -> Iterator[str]:
 
 
 def what_next(record: Record, flight: str | None = None) -> Iterator[str]:
-    """Whether more of the survey would help, and what to try where nothing works."""
-    say, values = lengths(record), record.values
-    if half := values.get("half"):
-        whole = middle(values["errors"][half["method"]]["mean_cm"])
-        helps = whole < HELPS * half["error_cm"]
-        yield (
-            f"With every other {half.get('stretch_s', STRETCH_S):.0f} s of the survey the error of "
-            f"`{half['method']}` is {say(half['error_cm'])}, with all of it {say(whole)}: "
-            f"{'lanes between these should help again' if helps else DENSE}."
-        )
+    """What to try."""
     if is_useful(record):
         yield f"`trexton tune {shlex.quote(flight or record.flight)}` looks for better settings."
     else:

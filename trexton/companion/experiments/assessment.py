@@ -6,14 +6,13 @@ over the floor, and what limits it. `advice` makes sentences of the record.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.advice import (
@@ -22,7 +21,6 @@ from trexton.companion.experiments.advice import (
     least_error_cm,
     lengths,
     limits,
-    stretch_s,
 )
 from trexton.companion.experiments.declaration import Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
@@ -51,11 +49,9 @@ from trexton.evaluation.metrics import (
 from trexton.evaluation.runtime import of_frames
 from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
 from trexton.localization.methods import compose
-from trexton.localization.training import for_method, train_map, with_parts
-
-FEWEST = 20  # frames that make half a survey
+from trexton.localization.training import for_method, train_map
 
 
 @dataclass(frozen=True)
@@ -81,17 +77,20 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         With images, or with histograms; test frames without a position are flown and not judged.
     """
     frames, known = frames_of(test), test.located
-    runs, timings, field_map, halves = {}, {}, None, []
+    runs, timings, field_map = {}, {}, None
     base = train_map(train, n_textons=parameters.textons, rng=stream(parameters.seed, "training"))
     located = train.select(train.located)
     for method in parameters.methods.split():
         rng = stream(parameters.seed, f"map {method}")
         texton_map = for_method(base, method, flight=located, rng=rng)
-        track = fly(_localizer(texton_map, parameters), frames)
+        localizer = Localizer(
+            texton_map, samples=parameters.samples, rng=stream(parameters.seed, "flight", 0),
+            particles=parameters.particles if method == "paper" else None,
+        )  # fmt: skip
+        track = fly(localizer, frames)
         runs[method], timings[method] = track.position, of_frames(track.step_s, "_s")
         if hasattr(texton_map.parts["measurement"], "predicted_error"):
             field_map = texton_map
-            halves = _with_half(texton_map, frames, parameters)
     rng = stream(parameters.seed, "intervals")
     k = min(parameters.neighbors, len(base.positions))
     runs["knn"] = neighbor_means(
@@ -109,7 +108,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     }
     series: dict[str, Any] = {
         "area_m": train.area,
-        "train_m": base.positions,
         "truth_m": test.position[known],
         "time_s": (test.time - test.time[0])[known],
         "start_s": test.time[0],
@@ -121,45 +119,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         error = 100 * float(predict(test.position[known]).mean())
         values["predicted"] = {"method": field_map.method, "error_cm": error}
         series["predicted"] = _predicted(predict, train)
-        if halves:
-            off = euclidean(np.array(halves)[:, known], test.position[known])
-            error = 100 * float(off.mean())
-            values["half"] = {"method": field_map.method, "error_cm": error}
-            values["half"]["stretch_s"] = stretch_s(field_map.time)
     floor, pictures = floor_picture(train)
     return parameters.record(
         train, test, values=values, series=series | floor, images=pictures, timings=timings
-    )
-
-
-def _with_half(
-    texton_map: TextonMap, frames: Sequence[np.ndarray], parameters: Parameters
-) -> list[np.ndarray]:
-    """Estimates of a map's method when trained on every other stretch of the survey, and on those
-    between; none where a half is too short, or all alike.
-    """
-    odd = (texton_map.time - texton_map.time[0]) // stretch_s(texton_map.time) % 2 == 1
-    if not FEWEST <= odd.sum() <= len(odd) - FEWEST:
-        return []
-    tracks = []
-    for rows in (~odd, odd):
-        try:
-            rng = stream(parameters.seed, f"map {texton_map.method}")
-            parts = {role: part.untrained() for role, part in texton_map.parts.items()}
-            half = with_parts(replace(texton_map.select(rows), parts={}), parts, rng=rng)
-            localizer = _localizer(half, parameters)
-            tracks.append(fly(localizer, frames).position)
-        except TrextonError:
-            return []
-    return tracks
-
-
-def _localizer(texton_map: TextonMap, parameters: Parameters) -> Localizer:
-    options: dict[str, Any] = (
-        {"particles": parameters.particles} if texton_map.method == "paper" else {}
-    )
-    return Localizer(
-        texton_map, samples=parameters.samples, rng=stream(parameters.seed, "flight", 0), **options
     )
 
 

@@ -28,7 +28,7 @@ from trexton.companion.experiments.style import (
     legend_above,
     plain_log_ticks,
 )
-from trexton.companion.wording import percent
+from trexton.companion.wording import percent, span
 from trexton.flights.flight import Flight
 from trexton.simulator import Floor
 
@@ -126,20 +126,10 @@ def finding(record: Record, kept: Mapping[str, Any] | None = None) -> str:
     rank, loss = found["rank"], found["loss_rank"]
     return (
         f"Over {found['count']} floors the predicted error has a rank correlation of "
-        f"{interval(rank)} with the measured one, the paper's loss of {interval(loss)}. The "
+        f"{span(rank, 2)} with the measured one, the paper's loss of {span(loss, 2)}. The "
         f"measured error is within {percent(LEVEL)} of it on {percent(found['level'])} of the "
         "floors."
     )
-
-
-def interval(entry: Mapping[str, float]) -> str:
-    """A correlation with its interval, or that there is none."""
-    ends = np.array([entry["value"], entry["low"], entry["high"]], dtype=float)
-    if not np.isfinite(ends).all():
-        return "nothing, for want of floors"
-    if entry["low"] == entry["high"]:
-        return f"{entry['value']:.2f} (too few floors for an interval)"
-    return f"{entry['value']:.2f} [{entry['low']:.2f}, {entry['high']:.2f}]"
 
 
 Rows = Mapping[str, Mapping[str, float]]
