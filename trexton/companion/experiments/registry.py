@@ -4,8 +4,9 @@ A module ``trexton/companion/experiments/<name>.py`` holds all of an experiment 
 ``Parameters``, ``run``, ``finding``, figures and ``EXPERIMENT``; `_NAMES` here has its name.
 Defaults, types and ranges stand in ``Parameters`` alone, and the notebook ``notebooks/<name>.md``
 has the prose. Frames are flown by `trexton.companion.experiments.track.fly`, and independent
-repeats go through `trexton.companion.executor.spread`. What the paper claims of it stands in ``data/paper/claims.toml``, what it claims
-itself in ``Experiment(claims=...)``. CONTRIBUTING.md adds one step by step.
+repeats go through `trexton.companion.executor.spread`. What the paper claims of it stands in
+``data/paper/claims.toml``, what it claims itself in ``Experiment(claims=...)``. CONTRIBUTING.md
+adds one step by step.
 
 An experiment of one's own, outside this package, is the same module with its notebook ``<name>.md``
 beside it; it is an entry point of the group ``trexton.experiments`` (name to module), or its module
