@@ -170,37 +170,29 @@ def finding(record: Record) -> str:
 
 
 def error_against_claim(record: Record) -> Figure:
-    """Tenths of the frames by what was claimed; on the diagonal the claim is honest."""
-    with canvas(size=(5.6, 4.6)) as (figure, axes):
-        plot = axes[0, 0]
+    """Tenths of the frames by what was claimed, on the diagonal honestly; and the error of those
+    that are kept where the widest claims are refused.
+    """
+    with canvas(1, 2, size=(7.2, 3.6)) as (figure, axes):
+        (claims, availability), kept = axes[0], np.arange(1, GROUPS + 1)
         for name, label in METHODS.items():
             claimed, error = (
-                [group[key] for group in record.series[name]] for key in ("claimed_cm", "error_cm")
+                np.array([group[key] for group in record.series[name]], dtype=float)
+                for key in ("claimed_cm", "error_cm")
             )
-            plot.plot(claimed, error, "o-", color=COLORS[name], markersize=4, label=label)
-        ends = np.concatenate([line.get_xydata() for line in plot.lines])
+            claims.plot(claimed, error, "o-", color=COLORS[name], markersize=4, label=label)
+            left = np.sqrt(2 * np.square(error).cumsum() / kept)
+            availability.plot(100 * kept / GROUPS, left, "o-", color=COLORS[name], label=label)
+        ends = np.concatenate([line.get_xydata() for line in claims.lines])
         both = [ends[ends > 0].min(), ends.max()]
-        plot.plot(both, both, color=COLORS["truth"], linewidth=0.9, linestyle="--")
-        plot.set(
+        claims.plot(both, both, color=COLORS["truth"], linewidth=0.9, linestyle="--")
+        claims.set(
             xlabel="deviation claimed along an axis (cm)", xscale="log",
             ylabel="error along an axis (cm)", yscale="log",
         )  # fmt: skip
-        plain_log_ticks(plot.xaxis, plot.yaxis)
-        legend_above(plot)
-    return figure
-
-
-def availability(record: Record) -> Figure:
-    """Error of the frames that are kept where those with the widest claims are refused."""
-    with canvas(size=(5.6, 3.4)) as (figure, axes):
-        plot, kept = axes[0, 0], np.arange(1, GROUPS + 1)
-        for name, label in METHODS.items():
-            squared = np.square([group["error_cm"] for group in record.series[name]])
-            left = np.sqrt(2 * squared.cumsum() / kept)
-            plot.plot(100 * kept / GROUPS, left, "o-", color=COLORS[name], label=label)
-        plot.set(xlabel="frames kept (%)", ylabel="root mean square error (cm)", yscale="log")
-        plain_log_ticks(plot.yaxis)
-        legend_above(plot)
+        availability.set(xlabel="frames kept (%)", ylabel="RMS error (cm)", yscale="log")
+        plain_log_ticks(claims.xaxis, claims.yaxis, availability.yaxis)
+        legend_above(claims)
     return figure
 
 
