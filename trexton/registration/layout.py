@@ -130,15 +130,13 @@ def differences(count: int, order: int) -> Sparse:
 
 def steps(count: int, pairs: np.ndarray) -> Sparse:
     """``(L, count)``: the second of each of the ``(L, 2)`` pairs minus the first."""
-    rows = np.arange(len(pairs))
-    values = np.repeat([-1.0, 1.0], len(pairs))
-    return sparse.csr_array((values, (np.tile(rows, 2), pairs.T.ravel())), (len(pairs), count))
+    frames = sparse.eye_array(count, format="csr")
+    return frames[pairs[:, 1]] - frames[pairs[:, 0]]
 
 
 def pick(columns: np.ndarray, count: int, factor: float) -> Sparse:
     """``(len(columns), count)``: row i takes `factor` times entry ``columns[i]``."""
-    rows = np.arange(len(columns))
-    return sparse.csr_array((np.full(len(columns), factor), (rows, columns)), (len(columns), count))
+    return factor * sparse.eye_array(count, format="csr")[columns]
 
 
 def assemble(blocks: np.ndarray, pairs: np.ndarray, size: int, count: int) -> Sparse:

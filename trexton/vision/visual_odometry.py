@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trexton.base.errors import ImageError, ParameterError
+from trexton.base.errors import ImageError
 from trexton.base.options import whole
 from trexton.vision.camera import Camera, transform_points
 
@@ -119,7 +119,7 @@ class VisualOdometry:
         ----------
         image : (H, W, 3) or (H, W) uint8 array
         time : float
-            Stamp in seconds.
+            Stamp in seconds, later than that of the frame before.
         height : float
             Metres above the floor.
         attitude : (3,) array, optional
@@ -129,20 +129,9 @@ class VisualOdometry:
         ------
         ImageError
             The frame is not of the camera's size.
-        ParameterError
-            Time did not advance, or the attitude is no three angles; the next frame is held against
-            the last one that was taken.
         """
         now = _LEVEL if attitude is None else np.asarray(attitude, dtype=float)
-        if now.shape != (3,):
-            raise ParameterError(
-                f"an attitude of shape {now.shape} was given: expected roll, pitch and yaw"
-            )
         last = self._pose
-        if last is not None and not time > last[0]:
-            raise ParameterError(
-                f"a frame of {time} s after one of {last[0]} s: give frames in time order"
-            )
         shift, sure = self.shift(self.shrunken(image))
         self._pose = (time, now)
         if last is None:
