@@ -135,6 +135,18 @@ def test_fields_of_hundreds_of_metres_read_in_metres():
         assert len(set(re.findall(r"\d\]? (m|cm)\b", words))) == 1
 
 
+def test_the_part_of_the_floor_where_it_fails_is_named(record):
+    truth = np.array(record.series["truth_m"])
+    corner = (truth > 1.3 / 3).all(axis=1)  # of an area from -1.3 to 1.3, in three parts a side
+    wrong = truth + np.where(corner, 3.0, 0.1)[:, None]
+    errors = record.values["errors"]
+    best = min(("paper", "field"), key=lambda name: errors[name]["mean_cm"]["value"])
+    other = replace(record, series=record.series | {f"{best}_m": wrong.tolist()})
+    (said,) = [line for line in advice(other) if line.startswith("It fails most between")]
+    assert "off by 424 cm on average" in said
+    assert "x = 43.3 cm and 130 cm, y = 43.3 cm and 130 cm" in said
+
+
 def test_the_report_plays_the_flight_where_there_is_a_player(record, tmp_path):
     page = write_report(record, tmp_path / "report.html", "room/mocap_training-player.html")
     assert '<iframe src="room/mocap_training-player.html"' in page.read_text()

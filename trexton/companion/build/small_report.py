@@ -35,6 +35,7 @@ def write_report(record: Record, path: Path, player: str = "", flight: str = "")
          "place."),
     ]  # fmt: skip
     sections = {
+        "Where it fails": advice.where_it_fails(record),
         "What limits it": advice.what_limits(record),
         "What to do next": advice.what_next(record, flight),
     }

@@ -26,6 +26,8 @@ from trexton.localization.training_set import EXCLUDED_SECONDS
 
 BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
 SHARPNESS_FRAMES = 200  # are enough to estimate the share
+PARTS = 3  # of the floor along each side
+FEWEST_THERE = 5  # test frames that say something of a part
 NO_CAMERA = "for histograms alone; a camera needs a training flight of pictures"
 
 
@@ -76,11 +78,11 @@ def least_error_cm(record: Record) -> float:
 
 
 def advice(record: Record, flight: str | None = None) -> list[str]:
-    """What limits it and what to do, a sentence each; `flight` is the folder for
+    """Where it fails, what limits it and what to do, a sentence each; `flight` is the folder for
     the commands.
     """
     train, fly = commands(record, flight)
-    sentences = [*what_limits(record), *what_next(record, flight)]
+    sentences = [*where_it_fails(record), *what_limits(record), *what_next(record, flight)]
     if train:
         best, _ = best_method(record)
         seconds = record.timings[best]["median_s"]
@@ -89,6 +91,28 @@ def advice(record: Record, flight: str | None = None) -> list[str]:
             f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame: `{train}`{after}"
         )
     return sentences
+
+
+def where_it_fails(record: Record) -> Iterator[str]:
+    """The part of the floor where the best method has the largest error."""
+    say, (best, error) = lengths(record), best_method(record)
+    truth = np.array(record.series["truth_m"], dtype=float)
+    off = 100 * euclidean(np.array(record.series[f"{best}_m"], dtype=float), truth)
+    low, high = np.reshape(record.series["area_m"], (2, 2)).T
+    cell = np.clip((truth - low) / (high - low) * PARTS, 0, PARTS - 1).astype(int)
+    cells, inverse = np.unique(cell, axis=0, return_inverse=True)
+    count = np.bincount(inverse.ravel())
+    mean = np.bincount(inverse.ravel(), off) / count
+    well = count >= max(FEWEST_THERE, 0.02 * len(off))
+    worst = int(np.where(well, mean, 0).argmax())
+    if well.any() and mean[worst] > 1.3 * middle(error):
+        begin = low + cells[worst] * (high - low) / PARTS
+        (x, y), (right, top) = 100 * begin, 100 * (begin + (high - low) / PARTS)
+        yield (
+            f"It fails most between x = {say(x)} and {say(right)}, y = {say(y)} and {say(top)}: "
+            f"there `{best}` is off by {say(mean[worst])} on average, over {count[worst]} "
+            f"frames of the test, against {say(middle(error))} over all."
+        )
 
 
 def what_limits(record: Record) -> Iterator[str]:

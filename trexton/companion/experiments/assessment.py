@@ -175,6 +175,9 @@ def over_the_floor(record: Record) -> Figure:
         plan = axes[0, 0]
         unit, scale = length_unit(least_error_cm(record) / 100)
         floor_axes(plan, series["area_m"])
+        plan.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
+        for axis in (plan.xaxis, plan.yaxis):
+            axis.set_major_formatter(lambda metres, _: f"{scale * metres:g}")
         show_floor(plan, series.get("floor"), record.images.get("floor"), fade=0.3)
         if "predicted" in series:
             predicted = series["predicted"]
