@@ -167,11 +167,9 @@ def test_the_command_records_a_flight_over_a_picture(tmp_path, capsys):
                 *command,
                 "--frames",
                 "2",
-                "--off",
-                "jpeg",
-                "--off",
-                "noise",
                 "--set",
+                "jpeg=0",
+                "noise=0",
                 "yaw=0.1",
                 "--quiet",
             ]
@@ -186,7 +184,6 @@ def test_the_command_records_a_flight_over_a_picture(tmp_path, capsys):
 @pytest.mark.parametrize(
     "arguments, message",
     [
-        (["--off", "fog"], "no parameter 'fog'"),
         (["--set", "fog=1"], "no parameter 'fog'"),
         (["--set", "noise=much"], "noise is 'much': expected float"),
         (["--set", "noise"], "expected effect=value"),

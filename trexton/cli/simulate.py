@@ -40,10 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--replace", action="store_true", help="replace the folder that is there")
     add_options(parser, SimulateOptions)
     effects = ", ".join(f"{name}={getattr(Effects(), name):g}" for name in Effects.names())
-    words = f"strength of an effect; the defaults are {effects}"
+    words = f"strength of an effect, 0 switches it off; the defaults are {effects}"
     add_assignments(parser, "EFFECT=VALUE", words)
-    words = "switch an effect off, or 'all'"
-    parser.add_argument("--off", action="append", default=[], metavar="EFFECT", help=words)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -58,11 +56,10 @@ def run(arguments: argparse.Namespace) -> int:
         check_not_read(arguments.out, options.floor)
         width = 5.0 if options.floor_width is None else options.floor_width
         floor = Floor.from_file(options.floor, width)
-    effects = Effects.none() if "all" in arguments.off else Effects().without(*arguments.off)
     strengths = Effects.checked(assignments(arguments.settings, "effect=value"), "a camera")
     flight = record_flight(
         arguments.out, pattern=options.pattern, frames=options.frames, seed=options.seed,
-        floor=floor, effects=replace(effects, **strengths), height=options.height,
+        floor=floor, effects=replace(Effects(), **strengths), height=options.height,
         every=options.every, replace=arguments.replace,
     )  # fmt: skip
     say(f"{arguments.out}: {len(flight)} frames, {flight.time[-1] - flight.time[0]:.1f} s")
