@@ -306,7 +306,7 @@ def test_a_folder_that_is_not_a_flight_is_never_replaced(tmp_path):
     source, out = euroc(tmp_path / "e"), tmp_path / "out"
     out.mkdir()
     (out / "thesis.txt").write_text("all of it")
-    with pytest.raises(TrextonError, match="not written there by trexton"):
+    with pytest.raises(TrextonError, match="is there already"):
         import_flight(source, out)
     assert (out / "thesis.txt").read_text() == "all of it"
     first, _ = import_flight(source, tmp_path / "flight")
