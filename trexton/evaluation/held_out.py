@@ -8,14 +8,13 @@ them, unless the images are given; the dictionary stays. `assess` says what that
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trexton.base.defaults import SAMPLES
 from trexton.base.errors import MapError
-from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer
@@ -133,7 +132,6 @@ def replay(
     *,
     samples: int | None,
     rng: np.random.Generator,
-    aidings: Sequence[Aiding | None] | None = None,
     flight: Flight | None = None,
 ) -> Iterator[Flown]:
     """Fly the left-out stretches of a map's own training flight, without the frames in which the
@@ -146,8 +144,6 @@ def replay(
     samples : int or None
         Patches a frame, where the map has a dictionary; None looks at every one.
     rng : numpy.random.Generator
-    aidings : sequence of Aiding, optional
-        What came beside each frame of the training flight; of it velocities alone are used.
     flight : Flight, optional
         The frames behind the map: then its images are flown, with roll, pitch and height.
 
@@ -172,14 +168,13 @@ def replay(
             for rows in order:
                 localizer.reset()
                 for since, row in enumerate(rows):
+                    aiding = None
                     if flight is not None:
-                        frame = flight.image(row)
-                        aiding: Aiding | None = flight.aiding(row).without_heading()
+                        frame, aiding = flight.image(row), flight.aiding(row).without_heading()
                     else:
                         frame = texton_map.histograms[row]
                         if drawn is not None:
                             frame = rng.multinomial(drawn, frame / frame.sum()) / drawn
-                        aiding = _on_the_way(aidings, rows[since - 1], row) if since else None
                     observation = localizer.observation(frame, aiding=aiding, samples=drawn)
                     estimate = localizer.advance(observation)
                     if since * texton_map.period_s >= WARM_S:
@@ -191,12 +186,3 @@ def _others(time: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """The rows of frames that are not, and do not look like, these."""
     near = np.searchsorted(time[np.sort(rows)], [time - EXCLUDED_SECONDS, time + EXCLUDED_SECONDS])
     return np.flatnonzero(near[0] == near[1])
-
-
-def _on_the_way(aidings: Sequence[Aiding | None] | None, last: int, row: int) -> Aiding | None:
-    """The velocity from one row to the next, or back: it came with the later of them."""
-    given = None if aidings is None else aidings[max(last, row)]
-    if given is None or given.velocity is None:
-        return None
-    velocity = given.velocity if row > last else -given.velocity
-    return Aiding(velocity=velocity, velocity_sigma=given.velocity_sigma)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,7 +22,6 @@ from trexton.companion.checks.tuning import (
     search,
 )
 from trexton.flights import Flight, write_flight
-from trexton.flights.aiding import Aiding
 from trexton.localization.training import train_map
 
 
@@ -79,25 +77,6 @@ def test_replayed_errors_are_of_maps_that_did_not_see_the_frames():
         samples=None, rng=stream(1, "replay"),
     )  # fmt: skip
     assert np.hypot(*lost.T).mean() > 1.5 * np.hypot(*errors.T).mean()
-
-
-def test_a_replay_told_its_velocity_errs_less_forwards_and_backwards():
-    flight = told_apart(240)
-    noisy = flight.histograms * np.random.default_rng(2).uniform(0.5, 2, (240, 8))
-    flight = replace(flight, histograms=noisy / noisy.sum(axis=1, keepdims=True))
-    texton_map = train_map(flight, method="field", rng=stream(1, "training"))
-    velocity = np.diff(flight.position, axis=0, prepend=0) / 0.2
-    wrong = np.roll(velocity, 60, axis=0)
-
-    def error(told):
-        aidings = None if told is None else [Aiding(velocity=each) for each in told]
-        rng = stream(1, "replay")
-        return np.hypot(
-            *replayed_errors(texton_map, samples=None, rng=rng, aidings=aidings).T
-        ).mean()
-
-    assert error(velocity) < 0.8 * error(None)
-    assert error(velocity) < 0.8 * error(wrong)
 
 
 def test_a_search_tries_the_usual_first_then_one_change_at_a_time():
