@@ -59,6 +59,19 @@ def test_what_looks_wrong_is_one_warning_with_what_to_do(change, words, tmp_path
 
 
 @pytest.mark.parametrize(
+    ("scale", "shift", "share"),
+    [(0.1, 0, None), (0.1, 100, "0%"), (1e-4, 0, "0%"), (100.0, 0, "100%")],
+)
+def test_a_floor_that_lies_elsewhere_is_doubted(scale, shift, share, tmp_path):
+    cv2.imwrite(str(tmp_path / "floor.png"), np.zeros((50, 50, 3), np.uint8))
+    place = np.array([[scale, 0, 9 + shift], [0, -scale, 49.5 * scale], [0, 0, 1]])
+    flight = replace(walk(), floor_file=tmp_path / "floor.png", floor_from_pixel=place)
+    warnings = check_flight(write_flight(flight, tmp_path / "flight")).warnings
+    assert len(warnings) == (share is not None)
+    assert share is None or f" {share} of the positions lie on it" in warnings[0]
+
+
+@pytest.mark.parametrize(
     ("row", "text", "fault"),
     [
         (5, "area_m = [0, 1e-7, 0, 1]", "no place to fly in"),

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.repair import (
     Doubt,
@@ -32,6 +33,7 @@ _SMALLER = (("millimetres", 1e-3), ("centimetres", 1e-2))
 _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("milliseconds", 1e-3, 0.0))
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
+FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
 
@@ -205,11 +207,33 @@ def _splits(flight: Flight) -> Iterator[str]:
             )
 
 
+def _floor(flight: Flight) -> Iterator[str]:
+    """A picture of the floor that lies beside the positions, or is placed in another unit."""
+    rows = flight.located
+    try:
+        floor = flight.floor
+    except TrextonError:  # a fault of its own
+        return
+    if floor is None or not rows.any():
+        return
+    height, width = floor.image.shape[:2]
+    corners = floor.to_world(np.array([(0, 0), (width, 0), (width, height), (0, height)]) - 0.5)
+    pixel = floor.to_pixels(flight.position[rows])
+    on = ((pixel >= -0.5) & (pixel <= (width - 0.5, height - 0.5))).all(axis=1).mean()
+    spanned = np.ptp(corners, axis=0)
+    if on < 0.5 or spanned.max() > FLOOR_RATIO * max(flight.diagonal, 1e-3):
+        yield (
+            f"the picture of the floor spans {spanned[0]:.4g} m x {spanned[1]:.4g} m from "
+            f"x {corners[:, 0].min():.3g}, y {corners[:, 1].min():.3g}, and {on:.0%} of the "
+            "positions lie on it: write world_from_pixel in metres"
+        )
+
+
 def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
     return int(flight.frame[rows[int(chosen.argmax())]])
 
 
 _CHECKS: tuple[Callable[[Flight], Iterator[str]], ...] = (
     _outside, _tracking, _speed, _heights, _angles, view_doubts, time_offset_doubts, _extent,
-    _stamps, _splits,
+    _stamps, _splits, _floor,
 )  # fmt: skip
