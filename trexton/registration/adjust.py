@@ -15,8 +15,6 @@ from trexton.registration.layout import Sparse, assemble, differences, pick, sol
 from trexton.registration.links import Anchors, Links
 from trexton.registration.poses import PARAMETERS, TYPICAL, floor_jacobian, floor_points
 
-__all__ = ["adjust", "link_errors"]
-
 _SIZE = len(PARAMETERS)
 _HEIGHT = PARAMETERS.index("z")
 # In typical heights: how well an anchor is known, how far a frame may stray from steady motion; in

@@ -11,8 +11,6 @@ import numpy as np
 from trexton.registration.ground import Ground
 from trexton.vision.camera import Camera, rotation_matrix, transform_points
 
-__all__ = ["Aligner", "Alignment"]
-
 _SPACING = 8  # pixels between points
 _WINDOW, _LEVELS, _STOP = (11, 11), 1, (3, 10, 0.02)  # of the optical flow (Lucas and Kanade)
 _FAR = 2.0  # pixels of flow from which the expected view is made anew

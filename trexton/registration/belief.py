@@ -10,8 +10,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["KNOWN", "CellBelief", "ViewMotion", "Window"]
-
 _ANYWHERE = 1e-5  # of all belief is spread evenly at each step: no place is ever ruled out for good
 _NEGLIGIBLE = 1e-5  # of the largest belief: a cell below is not searched
 _SHARP = 0.4  # cells: how well a place is known once a frame was aligned there

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from trexton.flights.flight import Flight
     from trexton.localization.texton_map import TextonMap
 
-__all__ = ["Registration", "RunningRegistration"]
-
 _LEARN = 250  # training frames, at most, that trust is learned from
 _RECENT = 4  # fixes in a row that a velocity is taken from
 _BENDS = 0.5  # m/s^2: what a vehicle accelerates meanwhile, one standard deviation along an axis

@@ -15,8 +15,6 @@ from trexton.vision.camera import Camera, MapImage, transform_points
 from trexton.vision.images import MOST_PIXELS
 from trexton.vision.visual_odometry import shrink
 
-__all__ = ["FRAME", "CoarseMatcher", "Ground", "fine_cell"]
-
 _TURN = np.radians(6.0)  # headings closer than half of this share a footprint
 _GROWTH = 0.06  # heights closer than half of this share do so, too
 _INSET = 0.94  # of the frame: what is left inside it under a few degrees of tilt

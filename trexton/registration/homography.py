@@ -18,14 +18,6 @@ from trexton.base.options import number
 from trexton.vision.camera import MapImage, transform_points
 from trexton.vision.images import check_image
 
-__all__ = [
-    "HomographyFix",
-    "HomographyLocalizer",
-    "Keypoints",
-    "detect_keypoints",
-    "find_homography",
-]
-
 KEYPOINTS, _MAP_KEYPOINTS = 1000, 30_000  # of a frame and of the map, the strongest
 _RATIO = 0.75  # a match counts if its distance is below this times that of the second nearest
 _THRESHOLD = 5.0  # map pixels of reprojection up to which MAGSAC may count a match as an inlier

@@ -14,8 +14,6 @@ from trexton.base.errors import MapError
 from trexton.registration.links import Anchors, Links
 from trexton.registration.poses import PARAMETERS
 
-__all__ = ["Sparse", "assemble", "connected", "differences", "layout", "pick", "solve", "steps"]
-
 Sparse = Any  # one of SciPy's sparse arrays, which carry no types
 
 _REWEIGHTED = 10  # rounds in which links that disagree with the others lose weight

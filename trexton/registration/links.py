@@ -19,10 +19,6 @@ from trexton.registration.poses import world_from_pixel
 from trexton.vision.camera import Camera, transform_points
 from trexton.vision.threads import ahead
 
-__all__ = [
-    "Anchors", "Links", "flight_keypoints", "match_frames", "spatial_links", "successive_links",
-]  # fmt: skip
-
 Matched = tuple[np.ndarray, np.ndarray]  # a homography and the points that agree with it
 Linked = tuple[tuple[int, int], np.ndarray, np.ndarray]  # the same with its pair of frames
 

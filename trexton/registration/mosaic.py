@@ -31,8 +31,6 @@ from trexton.vision.camera import Camera, MapImage, transform_points
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.threads import ahead
 
-__all__ = ["Mosaic", "flight_camera", "stitch"]
-
 # Of a frame's width: how far off the layout may be each time spatial neighbours are looked for.
 _REACHES = (0.2, 0.05)
 _NEIGHBORS = 6  # most spatial neighbours that a frame is matched with, beside its successors

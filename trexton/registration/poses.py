@@ -15,8 +15,6 @@ import numpy as np
 
 from trexton.vision.camera import Camera
 
-__all__ = ["PARAMETERS", "TYPICAL", "floor_points", "floor_jacobian", "world_from_pixel"]
-
 PARAMETERS = ("x", "y", "z", "roll", "pitch", "yaw", "shear", "stretch")
 # Standard deviations that hold frames near level flight at the common height; positions and heading
 # are free.

@@ -15,8 +15,6 @@ from trexton.vision.camera import wrapped
 
 Array = NDArray[Any]
 
-__all__ = ["ALL_HEADINGS", "PosePrior", "Prior", "Seen", "TiltError"]
-
 ALL_HEADINGS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
 ALL_HEADINGS.setflags(write=False)
 _TURN = np.radians(10.0)  # that a vehicle turns at most from frame to frame

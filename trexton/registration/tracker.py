@@ -21,8 +21,6 @@ from trexton.vision.visual_odometry import VisualOdometry
 
 Array = NDArray[Any]
 
-__all__ = ["FloorTracker"]
-
 _COARSE = 24  # cells that a frame's footprint is wide
 _LARGE = 60_000  # cells of a floor that is searched at once
 _MARGIN = 3  # cells searched around what is believed

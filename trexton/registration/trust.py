@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from trexton.base.errors import MapError
 
-__all__ = ["FloorFix", "Trust", "learn_trust"]
-
 Array = NDArray[Any]
 _REGION, _QUANTILE = 0.9, 4.605  # the region that must hold, and its chi-squared bound in the plane
 _RIGHT = 0.25  # of the height: a fix further off is a wrong place and says nothing about precision

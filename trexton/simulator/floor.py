@@ -18,8 +18,6 @@ from trexton.simulator.mats import HALL, PIXELS_PER_METRE, Placement
 from trexton.vision.camera import MapImage
 from trexton.vision.images import read_picture
 
-__all__ = ["LAYOUTS", "Floor", "Light", "Texture"]
-
 MARGIN = 1.25  # metres of ground around it: a camera above its edge still sees something
 GROUND = (140, 147, 150)  # BGR of bare concrete
 

@@ -21,8 +21,6 @@ from trexton.simulator.mats import (
 )  # fmt: skip
 from trexton.vision.camera import MapImage, outline
 
-__all__ = ["SIDE", "LANDING_CIRCLE", "paint_hall"]
-
 SIDE = 5.0
 LANDING_CIRCLE = (2.5, 2.42, 0.42)  # x, y, radius in metres
 

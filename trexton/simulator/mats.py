@@ -13,10 +13,6 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = [
-    "HALL", "MATS", "PIXELS_PER_METRE", "Placement", "bgr", "grain", "line", "polygon", "turning",
-]  # fmt: skip
-
 PIXELS_PER_METRE = 512  # a camera of 520 px focal length at 1 m sees 520 px/m
 _SUBPIXEL = 4  # fractional bits of OpenCV's drawing coordinates
 

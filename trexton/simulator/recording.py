@@ -22,8 +22,6 @@ from trexton.simulator.sensor import Effects
 from trexton.simulator.simulator import PERIOD, Simulator
 from trexton.vision.camera import Camera
 
-__all__ = ["PATTERNS", "Plan", "random_waypoints", "record_flight", "survey"]
-
 Area = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in metres
 
 # pattern: number of frames (the paper's), seed, speed in m/s, light, name of the split

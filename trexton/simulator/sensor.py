@@ -14,8 +14,6 @@ from trexton.vision.camera import Camera
 from trexton.vision.images import decode_image, yuv_from_bgr
 from trexton.vision.kernels import compiled
 
-__all__ = ["Effects", "Sensor"]
-
 _ONE = 12  # fractional bits of gains
 _NOISE = 8  # fractional bits of the noise and of its strength; every product stays within 32 bits
 _SPARE = 256  # the noise tile is this much larger than the frame, so that it can be shifted

@@ -12,8 +12,6 @@ from trexton.simulator.sensor import Effects, Sensor
 from trexton.simulator.vehicle import Vehicle, VehicleState
 from trexton.vision.camera import Camera, MapImage, transform_points
 
-__all__ = ["Simulator", "PERIOD"]
-
 PERIOD = 0.08  # seconds between frames: the 12.5 Hz of the paper's camera
 # Of the motion capture, in metres and radians.
 TRUTH_NOISE = np.array([0.001, 0.001, 0.001, 0.002, 0.002, 0.002])

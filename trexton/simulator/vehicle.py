@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike
 
 from trexton.base.options import number
 
-__all__ = ["Vehicle", "VehicleState"]
-
 STEP = 0.01  # seconds of one integration step
 GRAVITY = 9.81
 APPROACH = 1.2  # wanted speed for each metre of distance to the goal, 1/s

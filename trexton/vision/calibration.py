@@ -14,8 +14,6 @@ from trexton.base.files import read_text
 from trexton.vision.camera import Camera
 from trexton.vision.images import MOST_PIXELS
 
-__all__ = ["read_calibration", "read_mounting"]
-
 # OpenCV may add every point it saw. What may open a level is counted: parsers call themselves for
 # each, and may overflow the stack.
 MOST_CHARACTERS = 2**17

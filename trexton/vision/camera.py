@@ -23,11 +23,6 @@ from numpy.typing import ArrayLike
 
 from trexton.base.errors import ImageError, ParameterError
 
-__all__ = [
-    "BLACK_YUV", "Camera", "MapImage", "Rectification", "outline", "rotation_matrix",
-    "transform_points", "wrapped",
-]  # fmt: skip
-
 BLACK_YUV = (0, 128, 128)
 MOST = 2**16  # pixels of a side
 COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # so many does OpenCV take

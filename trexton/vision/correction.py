@@ -15,16 +15,6 @@ import numpy as np
 from trexton.vision.images import gather_patches, position_grid
 from trexton.vision.visual_odometry import followed
 
-__all__ = [
-    "FrameMotion",
-    "affine",
-    "HEADING",
-    "HEIGHT",
-    "STATES",
-    "corrected_frame",
-    "corrected_patches",
-]
-
 HEADING, HEIGHT, STATES = 3, 4, 5  # in a state, after the gains; and how many numbers it has
 # Log gains of blue, green and red by brightness, warmth and tint.
 GAINS = np.array([[1.0, -1.0, -0.5], [1.0, 0.0, 1.0], [1.0, 1.0, -0.5]])

@@ -20,15 +20,6 @@ from trexton.vision.images import check_image, gather_patches, position_grid, sa
 from trexton.vision.textons import TextonDictionary
 from trexton.vision.threads import in_strips
 
-__all__ = [
-    "texton_counts",
-    "texton_histogram",
-    "sampled_histogram",
-    "patch_histogram",
-    "label_image",
-    "sample_positions",
-]
-
 
 def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, cells: int = 1) -> np.ndarray:
     """Relative frequency of each texton over every position (301 625 at 640x480): full sampling.

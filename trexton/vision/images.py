@@ -22,12 +22,6 @@ from trexton.base.files import read_bytes
 from trexton.base.options import whole
 from trexton.base.streams import generator
 
-__all__ = [
-    "bgr_from_yuv", "blur_effect", "check_capture", "check_image", "checked_bytes", "decode",
-    "decode_image", "draw_patches", "gather_patches", "natural_order", "position_grid",
-    "read_image", "read_picture", "sample_positions", "yuv_from_bgr", "yuv_from_uyvy",
-]  # fmt: skip
-
 MOST_PIXELS = 50_000_000
 MOST_SAMPLES = 1_000_000  # three times all patches of 640x480: more only fill the memory
 MOST_BYTES = 2**28

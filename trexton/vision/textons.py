@@ -31,8 +31,6 @@ from trexton.base.options import whole
 from trexton.base.streams import generator
 from trexton.vision.images import draw_patches
 
-__all__ = ["METHODS", "TextonDictionary"]
-
 METHODS = ("kohonen", "winner-take-all")
 MAX_TEXTONS = 256  # a label is a byte
 MAX_PATCH = 48  # keeps the exact sums below inside float64 and int32

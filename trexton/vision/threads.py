@@ -12,8 +12,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
-__all__ = ["ahead", "in_strips", "thread_count", "usable_cores"]
-
 S = TypeVar("S")
 T = TypeVar("T")
 _THIS = threading.local()  # thread

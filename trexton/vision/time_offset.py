@@ -18,16 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from trexton.vision.visual_odometry import FEWEST, followed, shrink
 
-__all__ = [
-    "LONGEST_S",
-    "TimeOffset",
-    "moves",
-    "small",
-    "speed_correlations",
-    "time_offset",
-    "turns",
-]
-
 EARLIEST_S, LONGEST_S, STEP_S = -0.2, 0.8, 0.01  # the offsets that are tried
 AGREE, SURE_S = 0.8, 0.025  # correlation from which the two turn alike, and deviation up to which
 HARMLESS_S = 0.05  # seconds; between them a vehicle goes and turns by little

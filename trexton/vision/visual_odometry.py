@@ -15,8 +15,6 @@ from trexton.base.errors import ImageError
 from trexton.base.options import whole
 from trexton.vision.camera import Camera, transform_points
 
-__all__ = ["VisualOdometry", "followed", "shrink", "shrunken_camera"]
-
 _LEVEL = np.zeros(3)
 FEWEST = 12  # points that must be followed from frame to frame, and agree
 
