@@ -16,16 +16,20 @@ from trexton.registration import mosaic as stitching
 from trexton.registration.adjust import adjust, link_errors
 from trexton.registration.homography import Keypoints
 from trexton.registration.layout import (
+    Anchors,
+    Links,
     assemble,
     connected,
     differences,
+    floor_jacobian,
+    floor_points,
     layout,
     solve,
     steps,
+    world_from_pixel,
 )
-from trexton.registration.links import Anchors, Links, match_frames
+from trexton.registration.links import match_frames
 from trexton.registration.mosaic import stitch
-from trexton.registration.poses import floor_jacobian, floor_points, world_from_pixel
 from trexton.simulator import Effects, record_flight
 from trexton.vision.camera import Camera, transform_points
 

@@ -280,25 +280,6 @@ def test_a_camera_of_three_frames_a_second_is_followed_around_corners(known):
     assert np.mean([fix.lost for fix in fixes[6:]]) < 0.25
 
 
-def test_a_large_floor_is_searched_near_the_given_places():
-    image = np.random.default_rng(0).integers(0, 255, (1600, 1600, 3), np.uint8)
-    image = cv2.GaussianBlur(image, (0, 0), 6)
-    image = cv2.normalize(image, None, 0, 255, cv2.NORM_MINMAX)
-    picture = MapImage.from_extent(image, 0.0, 16.0, 100)
-    tracker = FloorTracker(picture, CAMERA, 1.0)
-    room = Simulator(Floor(picture), camera=CAMERA, start=(12.0, 9.0), rng=np.random.default_rng(2))
-    asked = []
-
-    def places():
-        asked.append(True)
-        return np.array([[12.3, 9.2], [3.0, 2.0]])
-
-    for _ in range(5):
-        state = room.step(None)
-        fix = tracker.step(room.render(), attitude=state.attitude, places=places)
-    assert np.hypot(*(fix.position - state.position[:2])) < 0.05
-
-
 def test_what_cannot_be_is_refused():
     with pytest.raises(ParameterError, match="height"):
         FloorTracker(floor(), CAMERA, 0.0)

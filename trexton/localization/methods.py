@@ -83,12 +83,7 @@ METHODS: dict[str, dict[str, Any]] = {
     },
     # A baseline: the training frames as the states of a hidden Markov model.
     "hmm": {"distance": "hellinger", "motion": "random-walk", "filter": "hmm"},
-    "fine": {
-        "distance": "euclidean",
-        "motion": "random-walk",
-        "measurement": "rank-mixture",
-        "filter": "registration",
-    },
+    "fine": {"motion": "random-walk", "filter": "registration"},
 }
 
 

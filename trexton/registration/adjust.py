@@ -1,6 +1,6 @@
 """Sparse global adjustment: all frames' poses at once, from their links and a few positions.
 
-Levenberg-Marquardt on the poses of `trexton.registration.poses`, with a robust loss, so that a
+Levenberg-Marquardt on the poses of `trexton.registration.layout`, with a robust loss, so that a
 wrong link does not bend the map.
 """
 
@@ -11,9 +11,19 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
-from trexton.registration.layout import Sparse, assemble, differences, pick, solve
-from trexton.registration.links import Anchors, Links
-from trexton.registration.poses import PARAMETERS, TYPICAL, floor_jacobian, floor_points
+from trexton.registration.layout import (
+    PARAMETERS,
+    TYPICAL,
+    Anchors,
+    Links,
+    Sparse,
+    assemble,
+    differences,
+    floor_jacobian,
+    floor_points,
+    pick,
+    solve,
+)
 
 _SIZE = len(PARAMETERS)
 _HEIGHT = PARAMETERS.index("z")

@@ -71,16 +71,6 @@ class CellBelief:
 
         return spanned(peak.max(axis=1)), spanned(peak.max(axis=0))
 
-    def around_all(self, places: Array, margin: int) -> Window | None:
-        """The window that holds ``(k, 2)`` places (column, row) and `margin` cells around, as far
-        as it lies on the floor; None where it does not.
-        """
-        low, high = np.floor(places.min(axis=0)) - margin, np.ceil(places.max(axis=0)) + margin
-        (left, top), (right, bottom) = np.maximum(low, 0).astype(int), high.astype(int) + 1
-        rows, columns = self.allowed.shape
-        window = slice(int(top), min(rows, int(bottom))), slice(int(left), min(columns, int(right)))
-        return None if any(each.stop <= each.start for each in window) else window
-
     def weigh(self, log_likelihood: np.ndarray, window: Window) -> None:
         """Multiply by ``(K, rows, columns)`` likelihoods in `window`; nothing remains outside."""
         inside = self.mass[(slice(None), *window)] * np.exp(log_likelihood - log_likelihood.max())

@@ -16,8 +16,6 @@ from trexton.localization.base import learned
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
 from trexton.localization.lens import camera_of, learned_lens, lens_of
-from trexton.localization.measurement import RankMixture
-from trexton.localization.motion import MotionModel
 from trexton.localization.observation import Observation
 from trexton.localization.training_set import Training
 from trexton.registration.ground import Ground, fine_cell
@@ -36,12 +34,8 @@ _BENDS = 0.5  # m/s^2: what a vehicle accelerates meanwhile, one standard deviat
 
 @dataclass(eq=False)
 class Registration(Filter):
-    """Finds each frame on a picture of the floor.
+    """Finds each frame on a picture of the floor."""
 
-    Where a frame may lie it takes from its neighbours.
-    """
-
-    needs = {"motion": MotionModel, "measurement": RankMixture}
     knows_velocity: ClassVar[bool] = True
     knows_heading: ClassVar[bool] = True
     attitude_sigma: float = option(
@@ -178,7 +172,6 @@ class RunningRegistration:
                 # None is NaN here: not known
                 attitude=np.array([aiding.roll, aiding.pitch, aiding.yaw], dtype=float),
                 height=aiding.height,
-                places=lambda: observation.neighbors.position,
             )
         self._time = self._time + self._period_s if stamp is None else stamp
         if fix.lost:

@@ -1,8 +1,15 @@
-"""Linked frames lie beside each other by similarities. Offers `layout`, a first layout of all of
-them: linear, without a guess; and the sparse matrices that it and the adjustment are made of."""
+"""Linked frames, and where each sees the floor. Offers `Links`, the geometry of a pose, and
+`layout`, a first layout of all frames: linear, without a guess.
+
+A pose is ``x, y, z, roll, pitch, yaw, shear, stretch``: the pinhole camera of
+`trexton.vision.camera` over a plane, plus two numbers for what a rolling shutter does to a moving
+camera (each row is displaced in proportion to its number). All eight have a physical size that a
+hovering vehicle keeps small, which is what holds a large mosaic flat.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,17 +18,98 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from trexton.base.errors import MapError
-from trexton.registration.links import Anchors, Links
-from trexton.registration.poses import PARAMETERS
+from trexton.vision.camera import Camera
 
 Sparse = Any  # one of SciPy's sparse arrays, which carry no types
 
+PARAMETERS = ("x", "y", "z", "roll", "pitch", "yaw", "shear", "stretch")
+# Standard deviations, lengths in typical heights, that hold frames near level flight at the common
+# height; positions and heading are free.
+TYPICAL = {"z": 0.05, "roll": 0.06, "pitch": 0.06, "shear": 0.02, "stretch": 0.02}
 _REWEIGHTED = 10  # rounds in which links that disagree with the others lose weight
 _EXACT = 0.1  # pixels: a smaller disagreement is none
 _LEAST_SPREAD = 0.25  # of half a frame: how far from their middle the anchors must reach
 # Weak holds for frames without links, beside a weight of 1 for a link: neighbours in time are equal
 # in scale and heading, they move steadily, and all fly at a common height.
 _EQUAL, _STEADY, _COMMON = 1e-4, 1e-6, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """Pairs of frames that see the same floor, with K matched points each.
+
+    Attributes
+    ----------
+    pairs : (L, 2) int array
+        Rows of the two frames.
+    points : (L, 2, K, 2) array
+        Offsets from the principal point in pixels, in the first and in the second frame.
+    """
+
+    pairs: np.ndarray
+    points: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+    def __add__(self, other: Links) -> Links:
+        return Links(
+            np.concatenate([self.pairs, other.pairs]), np.concatenate([self.points, other.points])
+        )
+
+    def __getitem__(self, chosen: np.ndarray) -> Links:
+        return Links(self.pairs[chosen], self.points[chosen])
+
+    def sides(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows ``(L,)`` and points ``(L, K, 2)`` of the first frames, then of the second."""
+        return [(self.pairs[:, side], self.points[:, side]) for side in (0, 1)]
+
+
+@dataclass(frozen=True, eq=False)
+class Anchors:
+    """Frames whose position is known: `rows` ``(A,) int`` and `position` ``(A, 2)`` in metres."""
+
+    rows: np.ndarray
+    position: np.ndarray
+
+
+def floor_points(poses: np.ndarray, offsets: np.ndarray, focal: float) -> np.ndarray:
+    """``(L, K, 2)`` floor points that ``(L, 8)`` poses see at ``(L, K, 2)`` pixels.
+
+    Pixels are offsets from the principal point. Analytic in the poses, so complex poses give
+    derivatives.
+    """
+    x, y, z, roll, pitch, yaw, shear, stretch = (column[:, None] for column in poses.T)
+    right = (offsets[..., 0] + shear * offsets[..., 1]) / focal
+    up = -(1 + stretch) * offsets[..., 1] / focal
+    # The ray (right, up, -1) turned by roll about forward, then pitch about right, then yaw about
+    # up.
+    cos, sin = np.cos(roll), np.sin(roll)
+    right, down = cos * right - sin, sin * right + cos
+    cos, sin = np.cos(pitch), np.sin(pitch)
+    up, down = cos * up + sin * down, cos * down - sin * up
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    right, up = cos * right - sin * up, sin * right + cos * up
+    return np.stack([x + z * right / down, y + z * up / down], axis=-1)
+
+
+def floor_jacobian(poses: np.ndarray, offsets: np.ndarray, focal: float) -> np.ndarray:
+    """``(L, K, 2, 8)`` derivatives of `floor_points` by the poses, exact (complex step)."""
+    step = 1e-30
+    columns = []
+    for parameter in range(len(PARAMETERS)):
+        shifted = poses.astype(complex)
+        shifted[:, parameter] += 1j * step
+        columns.append(floor_points(shifted, offsets, focal).imag / step)
+    return np.stack(columns, axis=-1)
+
+
+def world_from_pixel(pose: np.ndarray, camera: Camera) -> np.ndarray:
+    """``(3, 3)`` homography from pixels to the floor for one ``(8,)`` pose."""
+    shear, stretch = pose[6:]
+    cx, cy = camera.principal_point
+    rows = np.array([[1, shear, -shear * cy], [0, 1 + stretch, -stretch * cy], [0, 0, 1]])
+    return camera.world_from_pixel(pose[:3], pose[3:6]) @ rows
 
 
 def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarray:

@@ -7,7 +7,6 @@ decimetres, and a match that is good but one tile off is the one error that no r
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ import numpy as np
 from trexton.base.progress import progress
 from trexton.flights.flight import Flight
 from trexton.registration.homography import Keypoints, detect_keypoints, find_homography
-from trexton.registration.poses import world_from_pixel
+from trexton.registration.layout import Links, world_from_pixel
 from trexton.vision.camera import Camera, transform_points
 from trexton.vision.threads import ahead
 
@@ -36,45 +35,6 @@ _RATIO = 0.85
 _THRESHOLD = 3.0  # pixels of the frame
 # Of the matches, inliers: few by chance within reach, but many where a floor repeats out of it.
 _LEAST_SHARE, _LEAST_SHARE_ANYWHERE = 0.2, 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class Links:
-    """Pairs of frames that see the same floor, with K matched points each.
-
-    Attributes
-    ----------
-    pairs : (L, 2) int array
-        Rows of the two frames.
-    points : (L, 2, K, 2) array
-        Offsets from the principal point in pixels, in the first and in the second frame.
-    """
-
-    pairs: np.ndarray
-    points: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.pairs)
-
-    def __add__(self, other: Links) -> Links:
-        return Links(
-            np.concatenate([self.pairs, other.pairs]), np.concatenate([self.points, other.points])
-        )
-
-    def __getitem__(self, chosen: np.ndarray) -> Links:
-        return Links(self.pairs[chosen], self.points[chosen])
-
-    def sides(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Rows ``(L,)`` and points ``(L, K, 2)`` of the first frames, then of the second."""
-        return [(self.pairs[:, side], self.points[:, side]) for side in (0, 1)]
-
-
-@dataclass(frozen=True, eq=False)
-class Anchors:
-    """Frames whose position is known: `rows` ``(A,) int`` and `position` ``(A, 2)`` in metres."""
-
-    rows: np.ndarray
-    position: np.ndarray
 
 
 def flight_keypoints(flight: Flight, *, scale: float, limit: int) -> list[Keypoints]:

@@ -18,15 +18,8 @@ from trexton.base.options import whole
 from trexton.base.progress import progress
 from trexton.flights.flight import Flight
 from trexton.registration.adjust import adjust, link_errors
-from trexton.registration.layout import connected, layout
-from trexton.registration.links import (
-    Anchors,
-    Links,
-    flight_keypoints,
-    spatial_links,
-    successive_links,
-)
-from trexton.registration.poses import world_from_pixel
+from trexton.registration.layout import Anchors, Links, connected, layout, world_from_pixel
+from trexton.registration.links import flight_keypoints, spatial_links, successive_links
 from trexton.vision.camera import Camera, MapImage, transform_points
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.threads import ahead
@@ -53,15 +46,14 @@ class Mosaic:
     ----------
     map : MapImage
     poses : (N, 8) array
-        Pose of each frame of the flight, see `trexton.registration.poses`.
+        Pose of each frame of the flight, see `trexton.registration.layout`.
     used : (N,) bool array
         Frames in the picture; the others could not be linked.
     anchors : (A,) int array
         Rows of the frames whose recorded position placed the map in the world.
-    links : Links
-        Pairs of frames that see the same floor, with matched points.
     errors : (L,) array
-        Median distance in frame pixels between the points of a link, after the adjustment.
+        Of each pair of frames that see the same floor, the median distance in frame pixels between
+        matched points, after the adjustment.
     rejected : int
         Links that contradicted the others.
     """
@@ -70,7 +62,6 @@ class Mosaic:
     poses: np.ndarray
     used: np.ndarray
     anchors: np.ndarray
-    links: Links
     errors: np.ndarray
     rejected: int
 
@@ -128,7 +119,7 @@ def _stitched(flight: Flight, camera: Camera, anchors: int, scale: float, keypoi
     pixels_per_metre = _GRAIN * camera.focal / float(np.median(poses[used, 2]))
     picture = _blend(flight, poses, used, camera, pixels_per_metre)
     errors = _median_errors(poses, links, camera)
-    return Mosaic(picture, poses, used, held.rows, links, errors, rejected)
+    return Mosaic(picture, poses, used, held.rows, errors, rejected)
 
 
 def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarray:

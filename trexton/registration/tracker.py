@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +21,6 @@ from trexton.vision.visual_odometry import VisualOdometry
 Array = NDArray[Any]
 
 _COARSE = 24  # cells that a frame's footprint is wide
-_LARGE = 60_000  # cells of a floor that is searched at once
 _MARGIN = 3  # cells searched around what is believed
 _CERTAIN = 0.3  # certainty from which odometry alone may carry the position on
 _MODE = 2  # cells around a peak that count as one place
@@ -91,7 +89,6 @@ class FloorTracker:
         *,
         attitude: ArrayLike | None = None,
         height: float | None = None,
-        places: Callable[[], Array] | None = None,
     ) -> FloorFix:
         """Locate one frame.
 
@@ -104,9 +101,6 @@ class FloorTracker:
             Roll, pitch, yaw in radians, NaN where not measured; roll and pitch count together only.
         height : float, optional
             Metres above the floor, measured; one of another order than usual is not believed.
-        places : callable, optional
-            Gives ``(k, 2)`` positions in metres where the vehicle may be. Asked when it must be
-            looked for on a floor too large to be searched at each frame.
 
         Raises
         ------
@@ -128,11 +122,11 @@ class FloorTracker:
         elif prior.turned:
             self.belief.headings[:] = prior.mean[5]
         moved = self._predict(seen)
-        self._weigh(seen, self._region(places) if self._missed else self.belief.support(_MARGIN))
+        self._weigh(seen, None if self._missed else self.belief.support(_MARGIN))
         fix, best = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least and self._missed == 0:
             self.belief.reset(prior.headings, kept=_KEPT)
-            self._weigh(seen, self._region(places))
+            self._weigh(seen)
             fix, best = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least:
             fix = self._coast(fix, moved, seen)
@@ -163,19 +157,10 @@ class FloorTracker:
         self.belief.move(shift, sigma)
         return np.asarray(shift[0])
 
-    def _region(self, places: Callable[[], Array] | None) -> Window:
-        """Where to look for a vehicle that may be anywhere: near `places` if the floor is large.
-
-        Every other frame all of it is searched nevertheless, as the places may be wrong.
-        """
-        allowed = self.belief.allowed
-        whole = (slice(0, allowed.shape[0]), slice(0, allowed.shape[1]))
-        if places is None or allowed.size <= _LARGE or self._missed % 2 == 0:
-            return whole
-        return self.belief.around_all(self.coarse.ground.to_cells(places()), _COARSE) or whole
-
-    def _weigh(self, seen: Seen, window: Window) -> None:
-        """Multiply the belief by how well the frame fits inside a window."""
+    def _weigh(self, seen: Seen, window: Window | None = None) -> None:
+        """Multiply the belief by how well the frame fits inside a window, or anywhere."""
+        rows, columns = self.belief.allowed.shape
+        window = window or (slice(0, rows), slice(0, columns))
         fits = []
         for heading in self.belief.headings:
             pose = np.array([*seen.prior.mean[:5], heading])

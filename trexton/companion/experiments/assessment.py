@@ -89,7 +89,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         )  # fmt: skip
         track = fly(localizer, frames)
         runs[method], timings[method] = track.position, of_frames(track.step_s, "_s")
-        if hasattr(texton_map.parts["measurement"], "predicted_error"):
+        if hasattr(texton_map.parts.get("measurement"), "predicted_error"):
             field_map = texton_map
     rng = stream(parameters.seed, "intervals")
     k = min(parameters.neighbors, len(base.positions))

@@ -21,7 +21,6 @@ from trexton.companion.wording import number
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 from trexton.registration.homography import HomographyLocalizer
-from trexton.registration.links import Links
 from trexton.registration.mosaic import Mosaic, stitch
 from trexton.vision.camera import MapImage
 
@@ -50,7 +49,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "frames": len(train),
         "used": int(mosaic.used.sum()),
         "anchors": len(mosaic.anchors),
-        "links": len(mosaic.links),
+        "links": len(mosaic.errors),
         "rejected_links": mosaic.rejected,
         "link_error_px": _spread(mosaic.errors),
         "frame_position_error_cm": _spread(error_cm),
@@ -79,8 +78,6 @@ def stitched_map(train: Flight) -> Mosaic:
             "image": mosaic.map.image,
             "world_from_pixel": mosaic.map.world_from_pixel,
             "mask": mosaic.map.mask,
-            "pairs": mosaic.links.pairs,
-            "points": mosaic.links.points,
             "rejected": np.int64(mosaic.rejected),
             **{name: getattr(mosaic, name) for name in _PLAIN},
         }
@@ -89,7 +86,6 @@ def stitched_map(train: Flight) -> Mosaic:
     kept = cached("mosaic", "trexton.registration.mosaic", inputs, compute)
     return Mosaic(
         map=MapImage(kept["image"], kept["world_from_pixel"], kept["mask"]),
-        links=Links(kept["pairs"], kept["points"]),
         rejected=int(kept["rejected"]),
         **{name: kept[name] for name in _PLAIN},
     )
