@@ -91,7 +91,7 @@ class Stream:
     def __init__(self):
         self.began, self.read = time.monotonic(), 0
 
-    def __call__(self, address):
+    def __call__(self, address, backend):
         return self
 
     isOpened = release = set = lambda self, *value: True  # noqa: N815
@@ -118,7 +118,7 @@ def test_a_stream_that_is_decoded_too_slowly_costs_frames_and_not_age(monkeypatc
 
     monkeypatch.setattr(video, "decode_image", slow)
     tally = Tally()
-    grabber = Grabber(StreamSource("tcp://camera", camera), tally)
+    grabber = Grabber(StreamSource("tcp://camera", capture=camera), tally)
     seen = [grabber.next(10) for _ in range(12)]
     grabber.close()
     off = [frame.time - frame.picture.max() for frame in seen]  # the stamp, less the true moment

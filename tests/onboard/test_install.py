@@ -143,5 +143,5 @@ def test_the_book_names_every_source_and_sink(tmp_path):
     page = (ROOT / "book" / "onboard.md").read_text()
     for name, table in context(tmp_path, {}, lambda page, words: words).items():
         page = page.replace(f"{{{{ {name} }}}}", str(table))
-    for name in (*SINKS, "v4l2:", "video:", "flight:"):
+    for name in (*SINKS, "stream:", "flight:"):
         assert f"`{name}" in page

@@ -19,7 +19,7 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import train_map
 from trexton.onboard.intake import Aids
 from trexton.onboard.sinks import Guard
-from trexton.onboard.sources import Frame, Paced
+from trexton.onboard.sources import Frame
 from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.tally import Tally
 from trexton.simulator import record_flight
@@ -122,7 +122,7 @@ def test_the_columns_of_a_flight_come_with_its_frames_also_when_it_is_paced(flig
     assert (frame.aiding.roll, frame.aiding.pitch, frame.aiding.yaw) == tuple(test.attitude[0])
     assert frame.aiding.height == test.height[0]
     clock = Clock(500.0)
-    paced = Paced(FlightSource(test), clock, clock.sleep)
+    paced = FlightSource(test, pace="stamps", clock=clock, sleep=clock.sleep)
     paced.read()
     late = paced.read()
     assert late.time > 500 and late.aiding.at(late.time).roll == test.attitude[1, 0]
@@ -156,7 +156,7 @@ def test_a_camera_whose_delay_is_known_is_localized_by_the_attitude_of_its_expos
 
 
 def test_what_a_camera_is_late_by_is_no_deadline_that_the_computer_missed(fine, flights):
-    source = late_by(Paced(FlightSource(flights[1].select(slice(0, 30)))), 0.3)
+    source = late_by(FlightSource(flights[1].select(slice(0, 30)), pace="stamps"), 0.3)
     localizer = Localizer(fine, rng=np.random.default_rng(2))
     localizer.step(flights[1].image(0))  # the first takes longer
     _, tally, summary = run(localizer, source, rate=4.0)

@@ -57,18 +57,6 @@ def bgr_from_yuv(image: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(_swap_chroma(check_image(image)), cv2.COLOR_YCrCb2BGR)
 
 
-def yuv_from_uyvy(frame: np.ndarray) -> np.ndarray:
-    """Camera bytes ``(H, W, 2) uint8`` in UYVY order to ``(H, W, 3)`` Y, U, V; both pixels of a
-    pair share U and V. Cameras give the video range, which is stretched to 0 to 255.
-    """
-    if frame.ndim != 3 or frame.shape[2] != 2 or frame.shape[1] % 2 or frame.dtype != np.uint8:
-        raise ImageError(
-            f"a UYVY frame is (H, W even, 2) uint8, found {frame.dtype} {frame.shape}: check the "
-            "camera's pixel format"
-        )
-    return yuv_from_bgr(cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_YUV2BGR_UYVY))
-
-
 def checked_bytes(path: Path) -> bytes:
     """The bytes of an image file that is neither a device nor larger than a camera's picture can
     be.

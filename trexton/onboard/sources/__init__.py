@@ -1,5 +1,5 @@
-"""Where frames come from: what every source is (open, read one frame after another, close), a
-recording at its own pace (`Paced`), and the registry of classes that declare themselves.
+"""Where frames come from: what every source is (open, read one frame after another, close), and
+the registry of classes that declare themselves.
 
 The first class that matches an address makes the source; ``KIND:ADDRESS`` asks for one by name.
 Adding a source is its file and its line here.
@@ -7,7 +7,6 @@ Adding a source is its file and its line here.
 
 from __future__ import annotations
 
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -22,16 +21,12 @@ from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge, edge_at, edge_classes
 from trexton.vision.camera import Rectification
 
-__all__ = [
-    "CameraLost", "Frame", "Paced", "Playback", "SOURCES", "Shape", "Source", "open_source",
-]  # fmt: skip
+__all__ = ["CameraLost", "Frame", "Playback", "SOURCES", "Shape", "Source", "open_source"]
 
 # kind: module and class, in the order in which they are asked
 SOURCES = {
-    "v4l2": "trexton.onboard.sources.video:V4l2Source",
     "flight": "trexton.onboard.sources.recorded:FlightSource",
     "stream": "trexton.onboard.sources.video:StreamSource",
-    "video": "trexton.onboard.sources.recorded:VideoFile",
 }
 
 Shape = tuple[int, int] | None  # rows and columns to ask a camera for
@@ -120,42 +115,6 @@ class Source(Edge, ABC):
         """Let go of the device or file."""
 
 
-class Paced(Source):
-    """Plays a recording at its own stamps, like a camera: who is slow misses frames.
-
-    Each frame is held back until its time has come, and stamped with the clock.
-
-    Parameters
-    ----------
-    source : Source
-        A recording.
-    clock, sleep : callable
-        Seconds.
-    """
-
-    def __init__(
-        self,
-        source: Source,
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
-    ):
-        self.source, self.gives, self.files = source, source.gives, source.files
-        self.rectified = source.rectified
-        self.open, self.close = source.open, source.close  # type: ignore[method-assign]
-        self._clock, self._sleep = clock, sleep
-        self._offset: float | None = None
-
-    def read(self) -> Frame | None:
-        frame = self.source.read()
-        if frame is None:
-            return None
-        if self._offset is None:
-            self._offset = self._clock() - frame.time
-        due = frame.time + self._offset
-        self._sleep(max(0.0, due - self._clock()))
-        return frame.shifted(self._clock() - frame.time)
-
-
 def open_source(
     address: str, shape: Shape = None, options: Mapping[type[Options], Any] | None = None
 ) -> Source:
@@ -184,15 +143,14 @@ def open_source(
             source = next((each for each in edges if each.matches(address)), None)
         if source is None:
             raise ParameterError(
-                f"camera {address!r} is not known: give /dev/videoN, a flight's folder, "
-                "a video file or URL, or KIND:ADDRESS with KIND one of "
+                f"camera {address!r} is not known: give /dev/videoN, a flight's folder "
+                "(trexton import makes one of a video), a URL, or KIND:ADDRESS with KIND one of "
                 + ", ".join(addresses("sources", SOURCES))
             )
         chosen = (options or {}).get(source.options, source.options())
         made: Source = source.make(rest, chosen, shape)
+        return made
     except OSError as error:
         raise ParameterError(
             f"camera {address[:80]!r} cannot be read ({error.strerror or error}): check its path"
         ) from None
-    pace = getattr(chosen, "pace", "fast")
-    return Paced(made) if pace == "stamps" and not made.live else made
