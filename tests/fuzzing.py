@@ -159,7 +159,7 @@ _FILES = ("csv", "json", "tum")
 
 
 def _sink(folder: Path) -> Callable[[bytes], object]:
-    from trexton.onboard.local import LocalFrame
+    from trexton.onboard.fix import LocalFrame
     from trexton.onboard.sinks import Surroundings, open_sink
     from trexton.onboard.tally import Tally
 

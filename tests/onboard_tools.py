@@ -15,8 +15,7 @@ from small_room import random_walk
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Estimate, TextonMap
 from trexton.localization.training import train_map
-from trexton.onboard.fix import Fix
-from trexton.onboard.local import LocalFrame
+from trexton.onboard.fix import Fix, LocalFrame
 from trexton.onboard.settings import MavlinkOptions
 from trexton.onboard.sinks import Surroundings
 from trexton.onboard.tally import Tally

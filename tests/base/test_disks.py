@@ -15,7 +15,7 @@ from small_room import histogram_flight, picture_flight
 
 from trexton.cli.main import main
 from trexton.flights import write_flight
-from trexton.onboard import voice
+from trexton.onboard import tally
 
 READ_ONLY, REMOUNT = 1, 32  # of mount(2)
 
@@ -120,7 +120,7 @@ def refused(name, disk, inputs, monkeypatch, capfd, spoil):
     spoil()
     capfd.readouterr()
     assert main([*words, *other.replace("DISK", str(disk.place)).split()]) == 1
-    voice.flush()
+    tally.flush()
     said = capfd.readouterr()
     assert "Traceback" not in said.err + said.out and "report it" not in said.err + said.out
     return before, said.err.strip().splitlines(), said.out

@@ -12,7 +12,7 @@ from onboard_tools import make_fix
 
 from trexton.cli.main import main
 from trexton.onboard.sinks.files import JsonLines
-from trexton.onboard.voice import flush, say
+from trexton.onboard.tally import flush, say
 
 
 @pytest.fixture

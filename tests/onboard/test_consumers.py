@@ -11,7 +11,7 @@ pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
 from onboard_autopilot import AUTOPILOT_HEARTBEAT, attitude, from_autopilot  # noqa: E402
 
-from trexton.onboard.local import LocalFrame  # noqa: E402
+from trexton.onboard.fix import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
 from trexton.onboard.mavlink.messages import PROFILES  # noqa: E402
 from trexton.onboard.mavlink.speaker import Speaker  # noqa: E402

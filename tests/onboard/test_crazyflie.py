@@ -19,7 +19,7 @@ from cflib.crtp.crtpstack import CRTPPacket, CRTPPort  # noqa: E402
 from cflib.crtp.exceptions import WrongUriType  # noqa: E402
 
 from trexton.base.errors import ParameterError  # noqa: E402
-from trexton.onboard.local import LocalFrame  # noqa: E402
+from trexton.onboard.fix import LocalFrame  # noqa: E402
 from trexton.onboard.sinks import Guard, open_sink  # noqa: E402
 from trexton.onboard.tally import Tally  # noqa: E402
 

@@ -12,8 +12,7 @@ from onboard_tools import make_estimate, make_fix
 
 from trexton.localization.estimate import LOST_SHARE, Measurement, ignorance
 from trexton.localization.localizer import Estimate
-from trexton.onboard.fix import Continuity, Fix
-from trexton.onboard.local import LocalFrame, decoupled
+from trexton.onboard.fix import Continuity, Fix, LocalFrame, decoupled
 
 
 def random_estimate(rng: np.random.Generator) -> Estimate:

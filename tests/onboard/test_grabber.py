@@ -11,7 +11,7 @@ import pytest
 from conftest import small_flight
 from patience import eventually
 
-from trexton.onboard.grabber import Grabber
+from trexton.onboard.intake import Grabber
 from trexton.onboard.sources import (
     CameraLost,
     Frame,

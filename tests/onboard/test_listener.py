@@ -16,7 +16,7 @@ from onboard_autopilot import from_autopilot as said_by  # noqa: E402
 from onboard_tools import make_fix  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
-from trexton.onboard.local import LocalFrame  # noqa: E402
+from trexton.onboard.fix import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink.link import UdpIn  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
 from trexton.onboard.mavlink.messages import PROFILES  # noqa: E402

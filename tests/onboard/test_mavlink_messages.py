@@ -15,7 +15,7 @@ from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT, from_autopilot  # n
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
 from trexton.localization.estimate import ignorance  # noqa: E402
-from trexton.onboard.local import LocalFrame  # noqa: E402
+from trexton.onboard.fix import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink import messages  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
 from trexton.onboard.mavlink.speaker import Speaker  # noqa: E402

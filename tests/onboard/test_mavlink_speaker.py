@@ -19,7 +19,7 @@ from onboard_autopilot import (  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
 from trexton.base.errors import ParameterError  # noqa: E402
-from trexton.onboard.local import LocalFrame  # noqa: E402
+from trexton.onboard.fix import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink import messages  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
 from trexton.onboard.mavlink.messages import PROFILES  # noqa: E402

@@ -14,7 +14,7 @@ from conftest import ROOT
 from onboard_tools import make_fix
 from patience import eventually
 
-from trexton.onboard.local import LocalFrame
+from trexton.onboard.fix import LocalFrame
 from trexton.onboard.sinks.files import row
 
 EXAMPLE = str(ROOT / "examples" / "ros2_node.py")

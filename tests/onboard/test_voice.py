@@ -16,7 +16,7 @@ from patience import eventually
 from trexton.flights import write_flight
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
-from trexton.onboard import voice
+from trexton.onboard import tally
 
 
 @pytest.fixture
@@ -97,8 +97,8 @@ def test_what_cannot_be_written_in_time_is_left_out(monkeypatch):
 
     monkeypatch.setattr(sys, "stderr", Asleep())
     for _ in range(300):
-        voice.say("x" * 60_000)
-    assert voice._lines.unfinished_tasks <= 257
+        tally.say("x" * 60_000)
+    assert tally._lines.unfinished_tasks <= 257
     os.close(reader)  # lets the thread go
-    voice.flush(5)
+    tally.flush(5)
     os.close(writer)

@@ -12,8 +12,7 @@ import pytest
 from trexton.flights.aiding import Aiding
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map
-from trexton.onboard.fix import Continuity, Fix
-from trexton.onboard.local import LocalFrame
+from trexton.onboard.fix import Continuity, Fix, LocalFrame
 from trexton.simulator import Floor, Simulator, record_flight
 from trexton.vision.camera import Camera
 

@@ -17,7 +17,7 @@ from trexton.flights.importing import import_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
-from trexton.onboard.grabber import Grabber
+from trexton.onboard.intake import Grabber
 from trexton.onboard.sources import Frame, open_source
 from trexton.onboard.tally import Tally
 from trexton.simulator import record_flight

@@ -39,7 +39,6 @@ def option(
     low: float | None = None,
     high: float | None = None,
     above: float | None = None,
-    below: float | None = None,
     choices: Sequence[str] = (),
 ) -> T:
     """A field of an `Options` class, or an option of a part.
@@ -52,13 +51,13 @@ def option(
         One line for people, without a full stop.
     low, high : float, optional
         Smallest and largest value allowed.
-    above, below : float, optional
-        The same of an open range, which does not hold its ends.
+    above : float, optional
+        What it must exceed.
     choices : sequence of str
         The words allowed, where not every text is.
     """
     metadata = {
-        "meaning": meaning, "low": low, "high": high, "above": above, "below": below,
+        "meaning": meaning, "low": low, "high": high, "above": above,
         "choices": tuple(choices),
     }  # fmt: skip
     return field(default=default, metadata=metadata)
@@ -94,11 +93,10 @@ def number(
     low: float | None = None,
     high: float | None = None,
     above: float | None = None,
-    below: float | None = None,
 ) -> float:
     """A finite float in a range as of `option`; raises `ParameterError`, which says `what`."""
     try:
-        checked: Any = Option(what, (float,), 1.0, "", low, high, above, below).check(value)
+        checked: Any = Option(what, (float,), 1.0, "", low, high, above).check(value)
     except ParameterError as error:
         raise ParameterError(str(error).removeprefix("parameter ")) from None
     return float(checked)
@@ -115,7 +113,6 @@ class Option:
     low: float | None = None
     high: float | None = None
     above: float | None = None
-    below: float | None = None
     choices: tuple[str, ...] = ()
 
     def parse(self, text: str) -> object:
@@ -152,7 +149,6 @@ class Option:
                 ("{:g} or more", self.low, operator.ge),
                 ("{:g} or less", self.high, operator.le),
                 ("more than {:g}", self.above, operator.gt),
-                ("less than {:g}", self.below, operator.lt),
             ):
                 if bound is not None and not holds(value, bound):
                     raise self._refusal(value, words.format(bound))
@@ -169,7 +165,7 @@ class Option:
 
     def __str__(self) -> str:
         """One line of help: name, default, types, range and meaning."""
-        bounds = {">=": self.low, ">": self.above, "<=": self.high, "<": self.below}
+        bounds = {">=": self.low, ">": self.above, "<=": self.high}
         ends = [f"{sign} {bound:g}" for sign, bound in bounds.items() if bound is not None]
         kinds = ", ".join(self.choices) or " ".join([self.types_as_text(), *ends])
         return f"{self.name}={self.default} ({kinds}): {self.meaning}".removesuffix(": ")

@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.base.records import plain
     from trexton.onboard import Settings, build
     from trexton.onboard.settings import Flying
-    from trexton.onboard.voice import flush, say
+    from trexton.onboard.tally import flush, say
 
     settings = Settings(
         arguments.map,

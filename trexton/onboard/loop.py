@@ -16,13 +16,11 @@ from trexton.localization.landing import LandingZone
 from trexton.localization.localizer import Localizer
 from trexton.onboard.commander import Commander, LandingLink
 from trexton.onboard.fix import STALE_AFTER, Continuity, Fix
-from trexton.onboard.grabber import Grabber
-from trexton.onboard.intake import Aids, Inspector
+from trexton.onboard.intake import Aids, Grabber, Inspector
 from trexton.onboard.sinks import Guard
 from trexton.onboard.sources import Frame, Source
 from trexton.onboard.status import Status
-from trexton.onboard.tally import Tally
-from trexton.onboard.voice import flush, say
+from trexton.onboard.tally import Tally, flush, say
 
 __all__ = ["CAUSES", "Onboard"]
 

@@ -14,8 +14,8 @@ from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.base.streams import MOST_SEED
 from trexton.localization.landing import LandingZone, TouchdownZone
+from trexton.onboard.fix import LocalFrame
 from trexton.onboard.intake import AIDS
-from trexton.onboard.local import LocalFrame
 
 __all__ = [
     "COMPONENT", "LONGEST_DELAY", "Flying", "Landing", "MapPlacement", "MavlinkOptions", "Settings",

@@ -1,11 +1,23 @@
-"""What went wrong and what was done about it: counted in one place, shown once a second."""
+"""What went wrong is counted in one place, and lines for people hold nothing up.
+
+A terminal that sleeps, a pipe nobody reads, a reader that has gone: none of them may delay a
+position or end the flight. A thread does the writing; what it cannot keep up with is left out.
+"""
 
 from __future__ import annotations
 
+import os
+import queue
+import sys
 import threading
+import time
 from collections import Counter
+from contextlib import suppress
+from functools import cache
 
-__all__ = ["FAULTS", "Tally"]
+from trexton.base.progress import is_quiet, shown
+
+__all__ = ["FAULTS", "Tally", "flush", "say"]
 
 # What each is, and what is done about it, stands in the book, on the page "On board".
 FAULTS = (
@@ -33,3 +45,49 @@ class Tally:
     def faults(self) -> dict[str, int]:
         """The faults seen so far, in the order of `FAULTS`."""
         return {name: self[name] for name in FAULTS if self[name]}
+
+
+_lines: queue.Queue[str] = queue.Queue(256)  # what comes while it is full is left out
+
+
+def say(line: str) -> None:
+    """One line for people, unless the command is quiet; never waits, never fails."""
+    if not is_quiet():
+        _begin()
+        with suppress(queue.Full):
+            _lines.put_nowait(shown(line, kept=""))
+
+
+def flush(patience: float = 0.5) -> None:
+    """Give what was said time to be written, but no more than `patience` seconds."""
+    end = time.monotonic() + patience
+    while _lines.unfinished_tasks and time.monotonic() < end:
+        time.sleep(0.002)
+
+
+@cache
+def _begin() -> None:
+    threading.Thread(target=_write_all, name="voice", daemon=True).start()
+
+
+def _write_all() -> None:
+    while True:
+        line = _lines.get()
+        with suppress(OSError, ValueError):  # nobody reads: it is only for eyes
+            _write(line + "\n")
+        _lines.task_done()
+
+
+def _write(text: str) -> None:
+    """Past Python's buffer, whose lock a blocked write would hold when the process ends."""
+    stream = sys.stderr
+    if stream is None:
+        return
+    try:
+        descriptor = stream.fileno()
+    except (OSError, ValueError, AttributeError):  # not a file: what a test or a notebook put there
+        stream.write(text)
+        return
+    data = text.encode(errors="replace")
+    while data:
+        data = data[os.write(descriptor, data) :]

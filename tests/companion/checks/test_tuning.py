@@ -143,7 +143,7 @@ def test_the_command_prints_the_frontier_and_how_to_fly_its_point(tmp_path, monk
         cli.main([*shlex.split(train)[1:], "--quiet"]) == 0 and (tmp_path / "tuned.npz").is_file()
     )
     for wrong, told in (
-        (["--rate", "-1"], "more than 0"), (["--headroom", "1"], "less than 1"),
+        (["--rate", "-1"], "more than 0"), (["--headroom", "1"], "0.99 or less"),
         (["--trials", "0"], "1 or more"), (["--seconds", "0"], "more than 0"),
     ):  # fmt: skip
         assert cli.main([*words, *wrong]) == 1

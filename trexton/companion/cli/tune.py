@@ -16,7 +16,7 @@ class Search(Options):
     """What a frame may take, and how long is searched."""
 
     rate: float | None = option(None, "frames a second to keep up", above=0)
-    headroom: float = option(0.5, "share of the time that stays free", low=0, below=1)
+    headroom: float = option(0.5, "share of the time that stays free", low=0, high=0.99)
     trials: int = option(40, "settings to try", low=1)
     seconds: float = option(300.0, "begin none later", above=0)
     seed: int = option(1, "of the search", low=0)

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from trexton.flights.aiding import Aiding
-from trexton.onboard.local import LocalFrame
+from trexton.onboard.fix import LocalFrame
 from trexton.onboard.mavlink.messages import mavlink
 from trexton.onboard.settings import COMPONENT
 

@@ -18,8 +18,7 @@ from pymavlink.quaternion import QuaternionBase
 from pymavlink.rotmat import Matrix3, Vector3
 
 from trexton.localization.estimate import ignorance
-from trexton.onboard.fix import Fix
-from trexton.onboard.local import LocalFrame, decoupled, largest_deviation
+from trexton.onboard.fix import Fix, LocalFrame, decoupled, largest_deviation
 
 __all__ = ["PROFILES", "Profile", "Report", "mavlink"]
 

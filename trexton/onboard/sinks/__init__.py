@@ -21,10 +21,8 @@ from trexton.base.options import Options
 from trexton.base.plugins import addresses
 from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge, edge_at
-from trexton.onboard.fix import Fix
-from trexton.onboard.local import LocalFrame
-from trexton.onboard.tally import Tally
-from trexton.onboard.voice import say
+from trexton.onboard.fix import Fix, LocalFrame
+from trexton.onboard.tally import Tally, say
 
 __all__ = ["Check", "Guard", "SINKS", "Sink", "Surroundings", "extra", "open_sink"]
 

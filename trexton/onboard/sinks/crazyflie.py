@@ -12,8 +12,7 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
-from trexton.onboard.fix import Fix
-from trexton.onboard.local import LocalFrame, largest_deviation
+from trexton.onboard.fix import Fix, LocalFrame, largest_deviation
 from trexton.onboard.sinks import Sink, Surroundings, extra
 
 __all__ = ["CrazyflieSink"]
