@@ -54,7 +54,7 @@ PYTHON = [
 def names(tmp_path_factory):
     """What a reader of any page has: small flights in their usual places, a map, imports."""
     folder = tmp_path_factory.mktemp("clone")
-    hall = cv2.resize(Floor.hall().picture.image, (1280, 1280), interpolation=cv2.INTER_AREA)
+    hall = cv2.resize(Floor.painted().picture.image, (1280, 1280), interpolation=cv2.INTER_AREA)
     cv2.imwrite(str(folder / "hall.png"), hall)
     floor = Floor.from_file(folder / "hall.png", 5.0)
     flight = record_flight(

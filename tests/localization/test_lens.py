@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from onboard_tools import CAMERA, colourful_flight
 
-from trexton.base.errors import MapError
+from trexton.base.errors import FlightError, MapError
 from trexton.localization.lens import camera_of, check_lens, learned_lens, lens_of
 from trexton.vision.camera import Camera
 
@@ -34,7 +34,7 @@ def test_what_a_flight_lacks_is_named(flight, lacking):
 
 
 def test_a_camera_that_takes_other_pictures_is_refused(flight):
-    with pytest.raises(MapError, match=r"are 128x96.*takes 256x192.*correct \[camera\]"):
+    with pytest.raises(FlightError, match=r"are 128x96.*takes 256x192.*correct \[camera\]"):
         learned_lens(replace(flight, camera=Camera(256, 192, 208.0)), "go without")
 
 

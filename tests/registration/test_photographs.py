@@ -11,9 +11,10 @@ import pytest
 
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
+from trexton.localization.lens import flight_camera
 from trexton.registration import mosaic as stitching
 from trexton.registration.homography import HomographyLocalizer
-from trexton.registration.mosaic import flight_camera, stitch
+from trexton.registration.mosaic import stitch
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import Trust
 
@@ -50,7 +51,7 @@ def test_each_by_itself_as_many_are_right_as_with_sift(photographs, monkeypatch)
     for row, place in enumerate(even.position):
         image = even.image(row)
         tracker.reset()
-        found = (tracker.step(image).position, sift.locate(image).position)
+        found = (tracker.step(image).position, sift.locate(image))
         errors.append([np.hypot(*(position - place)) for position in found])
     registered, homography = np.array(errors).T
     for tolerance in (10, 15, 20, 30):  # metres; the positions come from a plain GPS receiver

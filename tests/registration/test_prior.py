@@ -60,7 +60,7 @@ def test_a_tilt_that_changes_much_is_expected_less_like_before():
     for _ in range(60):
         prior = told.prior(None, None, pose)
         pose = np.array([*pose[:3], *(0.06 * rng.standard_normal(2)), 0.0])
-        told.learn(prior, Alignment(pose, 1e-5 * np.eye(6), 0.9, 0.1, 0.1))
+        told.learn(prior, Alignment(pose, 1e-5 * np.eye(6), 0.9, 0.1))
     prior = told.prior(None, None, pose)
     assert 0.04 < prior.deviation[3] < 0.07
     assert np.all(np.abs(prior.mean[3:5]) < 0.6 * np.abs(pose[3:5]))

@@ -26,7 +26,7 @@ SMALL = shrunken_camera(CAMERA, 4)
 
 @cache
 def floor() -> MapImage:
-    return Floor.hall().picture
+    return Floor.painted().picture
 
 
 def view(pose: np.ndarray) -> np.ndarray:
@@ -298,7 +298,7 @@ def made(count: int, scale: float, floor: float):
     for raw in rng.uniform(1e-6, 2e-5, count):
         error = np.sqrt(scale * raw + floor) * rng.standard_normal(2)
         pose = np.array([*error, 1, 0, 0, 0])
-        fixes.append(FloorFix(pose, raw * np.eye(2), 0.9, 1.0, False, True))
+        fixes.append(FloorFix(pose, raw * np.eye(2), 0.9, False, True))
         truth.append(np.zeros(2))
     return fixes, np.array(truth)
 

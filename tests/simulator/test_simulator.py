@@ -283,9 +283,9 @@ def test_a_floor_of_no_seed_is_refused():
 
 
 def test_the_painted_hall_is_the_same_for_the_same_seed_and_carries_its_tags():
-    floor = Floor.hall(0)
+    floor = Floor.painted("hall")
     assert floor.area == (0.0, SIDE, 0.0, SIDE)
-    assert Floor.hall(0) is floor
+    assert Floor.painted("hall") is floor
     grey = cv2.cvtColor(floor.picture.image, cv2.COLOR_BGR2GRAY)
     detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_250))
     _, numbers, _ = detector.detectMarkers(grey)

@@ -27,7 +27,7 @@ dictionary = TextonDictionary.learn(patches, 11, rng=rng)
 image = rng.integers(0, 256, (40, 75, 3), dtype=np.uint8)
 nearest = NearestHistograms(rng.dirichlet(np.ones(11), 1200), rng.normal(size=(1200, 2)))
 found = [nearest.query(rng.dirichlet(np.ones(11))) for _ in range(20)]
-print(digest(dictionary.textons, label_image(image, dictionary),
+print(digest(dictionary.textons, label_image(image, dictionary)[0],
              texton_histogram(image, dictionary),
              *(part for each in found for part in (each.index, each.distance, each.position))))
 """

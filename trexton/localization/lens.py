@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from trexton.base.errors import MapError
+from trexton.base.errors import FlightError, MapError
 from trexton.flights.flight import Flight
 from trexton.vision.camera import Camera
 
-__all__ = ["camera_of", "check_lens", "learned_lens", "lens_of"]
+__all__ = ["camera_of", "check_lens", "flight_camera", "learned_lens", "lens_of"]
 
+_FOCAL = 0.8  # image widths, where the camera is not known
 _LONGEST = 100.0  # widths: a longer focal length is none, and a pixel so far off never found
 
 
@@ -26,8 +27,9 @@ def learned_lens(flight: Flight, advice: str) -> np.ndarray:
     Raises
     ------
     MapError
-        The flight lacks images, heights above the floor or its camera, or that takes pictures of
-        another size.
+        The flight lacks images, heights above the floor or its camera.
+    FlightError
+        The camera takes pictures of another size.
     """
     heights = np.empty(0) if flight.height is None else flight.height
     above = heights[np.isfinite(heights) & (heights > 0)]
@@ -36,18 +38,24 @@ def learned_lens(flight: Flight, advice: str) -> np.ndarray:
         "the camera's heights above the floor in metres": len(above) > 0,
     }  # fmt: skip
     lacking = [what for what, present in has.items() if not present]
-    if flight.camera is None or lacking:
+    if lacking:
         raise MapError(
             f"flight {flight.name!r} lacks {' and '.join(lacking)}: add them to the flight, "
             f"or {advice}"
         )
-    camera, (height, width) = flight.camera, flight.image(0).shape[:2]
+    return lens_of(flight_camera(flight), float(np.median(above)))
+
+
+def flight_camera(flight: Flight) -> Camera:
+    """The camera of a flight, or a usual one; `FlightError` if it takes other images."""
+    height, width = flight.image(0).shape[:2]
+    camera = flight.camera or Camera(width, height, _FOCAL * width)
     if (camera.width, camera.height) != (width, height):
-        raise MapError(
-            f"the images of flight {flight.name!r} are {width}x{height}, its camera takes "
-            f"{camera.width}x{camera.height}: correct [camera] in flight.toml"
+        raise FlightError(
+            f"the images of flight {flight.name!r} are {width}x{height}, "
+            f"its camera takes {camera.width}x{camera.height}: correct [camera] in flight.toml"
         )
-    return lens_of(camera, float(np.median(above)))
+    return camera
 
 
 def lens_of(camera: Camera, usual: float) -> np.ndarray:

@@ -70,8 +70,8 @@ def adjust(
 
 
 def link_errors(poses: np.ndarray, links: Links, focal: float) -> np.ndarray:
-    """``(L, K)`` pixels between the points of a link as its two frames place them on the floor."""
-    return np.hypot(*np.moveaxis(_residuals(poses, links, focal), -1, 0))
+    """``(L,)``: median of the pixels between a link's points as its two frames place them."""
+    return np.median(np.hypot(*np.moveaxis(_residuals(poses, links, focal), -1, 0)), axis=1)
 
 
 def _residuals(poses: np.ndarray, links: Links, focal: float) -> np.ndarray:

@@ -33,8 +33,6 @@ class Alignment:
         From the curvature at the solution, points taken as independent.
     score : float
         Correlation of the frame with the view expected at the pose; 0 for too few points.
-    noise : float
-        Standard deviation of a point in pixels, robust.
     flow : float
         Median length of the flow in pixels: how far the start was off.
     """
@@ -42,7 +40,6 @@ class Alignment:
     pose: np.ndarray
     covariance: np.ndarray
     score: float
-    noise: float
     flow: float
 
 
@@ -125,11 +122,11 @@ class Aligner:
         columns, rows = self._points.astype(int).T
         good &= mask[rows, columns] > 0
         if good.sum() < _FEWEST:
-            return Alignment(start, np.full((6, 6), np.inf), 0.0, np.inf, np.inf)
+            return Alignment(start, np.full((6, 6), np.inf), 0.0, np.inf)
         floor = transform_points(world, moved[good])
         flow = _middle(np.hypot(*(moved - self._points)[good].T))
-        pose, covariance, noise = self._solve(self._rays[good], floor, start, expected, deviation)
-        return Alignment(pose, covariance, 0.0, noise, flow)
+        pose, covariance = self._solve(self._rays[good], floor, start, expected, deviation)
+        return Alignment(pose, covariance, 0.0, flow)
 
     def _solve(
         self,
@@ -138,8 +135,8 @@ class Aligner:
         pose: np.ndarray,
         expected: np.ndarray,
         deviation: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray, float]:
-        """The pose whose `rays` meet the floor at `floor`, its covariance, a point's noise.
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The pose whose `rays` meet the floor at `floor`, and its covariance.
 
         Gauss-Newton over what is expected of the pose, points weighed by Huber's function.
         """
@@ -161,7 +158,7 @@ class Aligner:
             pose = pose + change
             if np.abs(change[3:5]).max() < _STRAIGHT:
                 break
-        return pose, np.linalg.inv(hessian), noise * self.camera.focal / pose[2]
+        return pose, np.linalg.inv(hessian)
 
 
 def _middle(values: np.ndarray) -> float:

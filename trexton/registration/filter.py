@@ -15,7 +15,7 @@ from trexton.base.options import option
 from trexton.localization.base import learned
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
-from trexton.localization.lens import camera_of, learned_lens, lens_of
+from trexton.localization.lens import camera_of, check_lens, flight_camera, learned_lens, lens_of
 from trexton.localization.observation import Observation
 from trexton.localization.training_set import Training
 from trexton.registration.ground import Ground, fine_cell
@@ -52,14 +52,11 @@ class Registration(Filter):
     trust: Any = learned()  # the fields of `Trust`
 
     def prepare(self) -> None:
-        if (
-            self.floor.ndim != 2
-            or self.floor.shape != self.mapped.shape
-            or self.camera.shape != (6,)
-        ):
+        check_lens(self.camera, "the picture's")
+        if self.floor.ndim != 2 or self.floor.shape != self.mapped.shape:
             raise MapError(
-                f"a floor of shape {self.floor.shape}, its mask {self.mapped.shape}, "
-                f"a camera of {self.camera.size} numbers: expected (H, W) twice, and 6"
+                f"a floor of shape {self.floor.shape}, its mask {self.mapped.shape}: expected "
+                "(H, W) twice, train the map again"
             )
 
     def fit(self, training: Training) -> Self:
@@ -216,7 +213,7 @@ def _surroundings(flight: Flight) -> tuple[MapImage, np.ndarray]:
     """
     if flight.floor is not None:
         return flight.floor, learned_lens(flight, "stitch the picture")
-    from trexton.registration.mosaic import flight_camera, stitch  # SciPy: on the ground only
+    from trexton.registration.mosaic import stitch  # SciPy: on the ground only
 
     mosaic = stitch(flight)
     height = float(np.median(mosaic.poses[mosaic.used, 2]))

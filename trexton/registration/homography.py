@@ -35,31 +35,6 @@ class Keypoints:
         return len(self.points)
 
 
-@dataclass(frozen=True, eq=False)
-class HomographyFix:
-    """What the homography method says about one frame.
-
-    Attributes
-    ----------
-    position : (2,) array
-        Metres; NaN where no homography was found.
-    matches, inliers : int
-        Matches that passed the ratio test, and those of them that the homography explains.
-    homography : (3, 3) array or None
-        From the frame's pixels to the map image's pixels.
-    """
-
-    position: np.ndarray
-    matches: int
-    inliers: int
-    homography: np.ndarray | None = None
-
-    @property
-    def success(self) -> bool:
-        """True if a homography was found; says nothing about whether it is right."""
-        return self.homography is not None
-
-
 def detect_keypoints(
     luma: np.ndarray, *, scale: float = 1.0, limit: int = 0, mask: np.ndarray | None = None
 ) -> Keypoints:
@@ -137,8 +112,21 @@ class HomographyLocalizer:
         cv2.setRNGSeed(0)  # FLANN draws its split dimensions from OpenCV's generator
         self._index = cv2.flann.Index(self._map.descriptors, {"algorithm": 1, "trees": _KD_TREES})
 
-    def locate(self, image: np.ndarray) -> HomographyFix:
-        """Locate one ``(H, W, 3) uint8`` Y, U, V frame on the map."""
+    def locate(self, image: np.ndarray) -> np.ndarray:
+        """``(2,)`` metres: where one ``(H, W, 3) uint8`` Y, U, V frame is on the map; NaN where no
+        homography was found.
+        """
+        homography, _ = self.match(image)
+        if homography is None:
+            return np.full(2, np.nan)
+        rows, columns = image.shape[:2]
+        center = transform_points(homography, [[(columns - 1) / 2, (rows - 1) / 2]])
+        return self.map_image.to_world(center)[0]
+
+    def match(self, image: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+        """``(3, 3)`` homography from the frame's pixels to the map image's, or None; which of the
+        matches that passed the ratio test it explains, ``(N,) bool``.
+        """
         luma = cv2.extractChannel(check_image(image), 0)
         frame = detect_keypoints(luma, scale=self.scale, limit=KEYPOINTS)
         source = target = frame.points
@@ -148,10 +136,4 @@ class HomographyLocalizer:
             )
             good = squared[:, 0] < _RATIO**2 * squared[:, 1]
             source, target = frame.points[good], self._map.points[nearest[good, 0]]
-        homography, inliers = find_homography(source, target, _THRESHOLD)
-        if homography is None:
-            return HomographyFix(np.full(2, np.nan), len(source), 0)
-        rows, columns = luma.shape
-        center = transform_points(homography, [[(columns - 1) / 2, (rows - 1) / 2]])
-        position = self.map_image.to_world(center)[0]
-        return HomographyFix(position, len(source), int(inliers.sum()), homography)
+        return find_homography(source, target, _THRESHOLD)

@@ -7,7 +7,6 @@ decimetres, and a match that is good but one tile off is the one error that no r
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -52,7 +51,9 @@ def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
     still = (np.eye(3), _STILL * camera.width)
 
     def follow(pair: tuple[int, int]) -> Matched | None:
-        return _match(keypoints, camera, pair, *still) or _match(keypoints, camera, pair)
+        return match_frames(keypoints, camera, pair, *still) or match_frames(
+            keypoints, camera, pair
+        )
 
     links = _all_links(follow, [(row, row + 1) for row in range(len(keypoints) - 1)], "linking")
     links = _steadied(links, keypoints, camera)
@@ -62,9 +63,9 @@ def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
         predicted = np.eye(3)
         for row in range(*pair):
             if row not in chain:
-                return _match(keypoints, camera, pair)
+                return match_frames(keypoints, camera, pair)
             predicted = chain[row] @ predicted
-        return _match(keypoints, camera, pair, predicted, _CHAINED * camera.width)
+        return match_frames(keypoints, camera, pair, predicted, _CHAINED * camera.width)
 
     pairs = [(row, row + step) for step in _STEPS for row in range(len(keypoints) - step)]
     return _as_links(links + _all_links(leap, pairs, "linking"), camera)
@@ -80,7 +81,7 @@ def _steadied(links: list[Linked], keypoints: list[Keypoints], camera: Camera) -
         usual = np.median(shift[max(0, place - _WINDOW) : place + _WINDOW + 1], axis=0)
         if np.abs(shift[place] - usual).max() > _STEADY * camera.width:
             predicted = np.array([[1, 0, usual[0]], [0, 1, usual[1]], [0, 0, 1]])
-            again = _match(keypoints, camera, link[0], predicted, _STEADY * camera.width)
+            again = match_frames(keypoints, camera, link[0], predicted, _STEADY * camera.width)
             link = (link[0], *again) if again else link
         result.append(link)
     return result
@@ -110,7 +111,7 @@ def spatial_links(
     def revisit(pair: tuple[int, int]) -> Matched | None:
         first, second = pair
         predicted = np.linalg.solve(matrices[second], matrices[first])
-        return _match(keypoints, camera, pair, predicted, reach * camera.width)
+        return match_frames(keypoints, camera, pair, predicted, reach * camera.width)
 
     links = _all_links(revisit, _spatial_pairs(poses, camera, count, linked), "linking passes")
     linked.update(pair for pair, _, _ in links)
@@ -141,12 +142,6 @@ def _spatial_pairs(
     return sorted(pairs - linked)
 
 
-def _match(
-    keypoints: list[Keypoints], camera: Camera, pair: tuple[int, int], *guess: Any
-) -> Matched | None:
-    return match_frames(keypoints[pair[0]], keypoints[pair[1]], camera, *guess)
-
-
 def _all_links(
     match: Callable[[tuple[int, int]], Matched | None], pairs: list[tuple[int, int]], label: str
 ) -> list[Linked]:
@@ -166,16 +161,17 @@ def _as_links(links: list[Linked], camera: Camera) -> Links:
 
 
 def match_frames(
-    first: Keypoints,
-    second: Keypoints,
+    keypoints: list[Keypoints],
     camera: Camera,
+    pair: tuple[int, int],
     predicted: np.ndarray | None = None,
     reach: float = np.inf,
-) -> tuple[np.ndarray, np.ndarray] | None:
+) -> Matched | None:
     """A homography and ``(2, _POINTS, 2)`` matched points; None if the frames show other floors.
 
     `predicted` takes the first frame's pixels to the second, give or take `reach` pixels.
     """
+    first, second = keypoints[pair[0]], keypoints[pair[1]]
     if min(len(first), len(second)) < _LEAST_INLIERS:
         return None
     source, target = _mutual_matches(first, second, predicted, reach)

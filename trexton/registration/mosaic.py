@@ -17,6 +17,7 @@ from trexton.base.errors import FlightError, MapError
 from trexton.base.options import whole
 from trexton.base.progress import progress
 from trexton.flights.flight import Flight
+from trexton.localization.lens import flight_camera
 from trexton.registration.adjust import adjust, link_errors
 from trexton.registration.layout import Anchors, Links, connected, layout, world_from_pixel
 from trexton.registration.links import flight_keypoints, spatial_links, successive_links
@@ -33,7 +34,6 @@ _SEARCHES: tuple[tuple[float, int], ...] = ((0.5, 600), (1.0, 2000))
 _ENOUGH = 0.8  # of the frames
 _FEW = 12  # anchors, where positions are as good as those of motion capture
 _GRAIN = 0.55  # map pixels for each pixel of a frame: the map keeps what most keypoints need
-_FOCAL = 0.8  # image widths, where the camera is not known
 _LARGEST = 100_000_000  # pixels of the picture
 _TRUSTED = 3.0  # pixels: a link whose median error is larger is wrong
 
@@ -112,30 +112,14 @@ def _stitched(flight: Flight, camera: Camera, anchors: int, scale: float, keypoi
         links = links + spatial_links(described, poses, camera, _NEIGHBORS, reach, linked)
         poses = adjust(poses, links, held, camera.focal, widths=(8, 4, 2))
     # Drop the links that contradict the others, adjust once more.
-    agreeing = _median_errors(poses, links, camera) < _TRUSTED
+    agreeing = link_errors(poses, links, camera.focal) < _TRUSTED
     links, rejected = links[agreeing], int((~agreeing).sum())
     used = _placed(len(flight), links, held.rows)
     poses = adjust(poses, links, held, camera.focal, widths=(2,))
     pixels_per_metre = _GRAIN * camera.focal / float(np.median(poses[used, 2]))
     picture = _blend(flight, poses, used, camera, pixels_per_metre)
-    errors = _median_errors(poses, links, camera)
+    errors = link_errors(poses, links, camera.focal)
     return Mosaic(picture, poses, used, held.rows, errors, rejected)
-
-
-def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarray:
-    return np.median(link_errors(poses, links, camera.focal), axis=1)
-
-
-def flight_camera(flight: Flight) -> Camera:
-    """The camera of a flight, or a usual one; `FlightError` if it takes other images."""
-    height, width = flight.image(0).shape[:2]
-    camera = flight.camera or Camera(width, height, _FOCAL * width)
-    if (camera.width, camera.height) != (width, height):
-        raise FlightError(
-            f"the images of flight {flight.name!r} are {width}x{height}, "
-            f"its camera takes {camera.width}x{camera.height}: correct [camera] in flight.toml"
-        )
-    return camera
 
 
 def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:

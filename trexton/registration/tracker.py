@@ -223,7 +223,7 @@ class FloorTracker:
             covariance = self.belief.moments()[1] * self.coarse.ground.cell**2
         alone = not lost and not seen.prior.turned  # a compass must not get its own yaw back
         sigma = self.trust.heading_sigma(best.covariance, self.height) if alone else np.nan
-        return FloorFix(best.pose, covariance, best.score, held, lost, True, sigma), best
+        return FloorFix(best.pose, covariance, best.score, lost, True, sigma), best
 
     def _coast(self, fix: FloorFix, moved: Array, seen: Seen) -> FloorFix:
         """The floor was not recognized, `fix` is lost: move the last pose on for a while."""
@@ -255,7 +255,7 @@ class FloorTracker:
         self.tilt_bias = None
         last, cell = self._last, self.coarse.ground.cell
         if last is None:
-            return FloorFix(np.full(6, np.nan), np.diag([np.inf, np.inf]), 0, 0, True, False)
+            return FloorFix(np.full(6, np.nan), np.diag([np.inf, np.inf]), 0, True, False)
         self._gone += 1
         pose = last.pose.copy()
         moved, strays = self._view.ahead(min(self._gone, _PATIENCE))

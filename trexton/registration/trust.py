@@ -70,8 +70,6 @@ class FloorFix:
         Of x and y.
     score : float
         Correlation of the frame with the floor at this pose.
-    held : float
-        Share of the belief at this place.
     lost : bool
         The pose must not be trusted.
     observed : bool
@@ -83,7 +81,6 @@ class FloorFix:
     pose: Array
     covariance: Array
     score: float
-    held: float
     lost: bool
     observed: bool
     heading_sigma: float = np.nan

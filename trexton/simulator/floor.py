@@ -46,10 +46,6 @@ class Light:
         """An hour later: the sun has moved on."""
         return cls(gain=0.97, warmth=0.02, gradient=(0.03, -0.02))
 
-    def channel_gains(self) -> np.ndarray:
-        """``(3,)`` factors of blue, green and red."""
-        return self.gain * np.array([1 - self.warmth, 1.0, 1 + self.warmth])
-
 
 @dataclass(frozen=True, eq=False)
 class Texture:
@@ -81,17 +77,18 @@ class Floor:
 
     picture: MapImage
 
-    @classmethod
-    def hall(cls, seed: int = 0) -> Floor:
-        """The default floor, this project's own painted hall of 5 m x 5 m."""
-        return cls.painted("hall", seed)
-
-    @classmethod
-    def painted(cls, layout: str = "hall", seed: int = 0) -> Floor:
+    @staticmethod
+    @lru_cache(maxsize=2)
+    def painted(layout: str = "hall", seed: int = 0) -> Floor:
         """A painted floor of 5 m x 5 m, its mats laid by `layout`; equal seeds, equal floors."""
         if seed < 0:
             raise ParameterError(f"the floor's seed is {seed}: expected 0 or more")
-        return _painted(layout, seed)
+        if layout not in LAYOUTS:
+            known = ", ".join(LAYOUTS)
+            raise ParameterError(f"layout {layout!r} is unknown: choose one of {known}")
+        # Older than named streams; others would lay other floors, and every figure of every record.
+        laid, painted = np.random.default_rng([seed, 1]), np.random.default_rng(seed)
+        return Floor(paint_hall(painted, LAYOUTS[layout](laid)))
 
     @classmethod
     def from_file(cls, path: str | os.PathLike[str], width: float) -> Floor:
@@ -106,7 +103,7 @@ class Floor:
         ParameterError
             A side, `width` or the one that the picture's shape gives, is not 0.5 to 50 m.
         """
-        width = _side("width", width)
+        width = number(width, "the floor's width", low=0.5, high=50)
         picture = read_picture(path)
         if picture is None:
             raise ImageError(
@@ -114,7 +111,10 @@ class Floor:
             )
         image, mask = picture
         scale = image.shape[1] / width
-        length = _side("length, by the shape of its picture,", image.shape[0] / scale)
+        length = number(
+            image.shape[0] / scale,
+            "the floor's length, by the shape of its picture,", low=0.5, high=50,
+        )  # fmt: skip
         return cls(MapImage.from_extent(image, 0.0, length, scale, mask))
 
     @property
@@ -169,10 +169,6 @@ class Floor:
         target[:] = np.rint(painted + (1 - alpha) * target)
 
 
-def _side(side: str, metres: float) -> float:
-    return number(metres, f"the floor's {side}", low=0.5, high=50)
-
-
 def _hall(rng: np.random.Generator) -> tuple[Placement, ...]:
     return HALL
 
@@ -213,15 +209,6 @@ LAYOUTS: dict[str, Callable[[np.random.Generator], tuple[Placement, ...]]] = {
 }
 
 
-@lru_cache(maxsize=2)
-def _painted(layout: str, seed: int) -> Floor:
-    if layout not in LAYOUTS:
-        raise ParameterError(f"layout {layout!r} is unknown: choose one of {', '.join(LAYOUTS)}")
-    # Older than named streams; others would lay other floors, and every figure of every record.
-    laid, painted = np.random.default_rng([seed, 1]), np.random.default_rng(seed)
-    return Floor(paint_hall(painted, LAYOUTS[layout](laid)))
-
-
 def _illuminate(canvas: np.ndarray, light: Light) -> None:
     """Multiply by brightness, colour and gradient in place, in strips that spare memory."""
     if light == Light():
@@ -229,7 +216,8 @@ def _illuminate(canvas: np.ndarray, light: Light) -> None:
     height, width = canvas.shape[:2]
     right = np.linspace(-1, 1, width, dtype=np.float32)
     far = np.linspace(1, -1, height, dtype=np.float32)
-    gains = light.channel_gains().astype(np.float32)
+    colors = np.array([1 - light.warmth, 1.0, 1 + light.warmth])  # blue, green, red
+    gains = (light.gain * colors).astype(np.float32)
     for top in range(0, height, 256):
         strip = canvas[top : top + 256]
         even = 1 + light.gradient[0] * right + light.gradient[1] * far[top : top + 256, None]

@@ -153,7 +153,7 @@ def record_flight(
     speed = usual_speed if speed is None else speed
     frames, every = whole(frames, "the number of frames"), whole(every, "every")
     seed = whole(seed, "the seed", 0)
-    floor = Floor.hall() if floor is None else floor
+    floor = Floor.painted() if floor is None else floor
     plan_rng, simulator_rng = np.random.default_rng(seed).spawn(2)
     if pattern == "survey":
         plan = Plan(survey(floor.area, frames * every * PERIOD, speed))

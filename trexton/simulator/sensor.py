@@ -140,24 +140,20 @@ class Sensor:
         _develop(planes, gain, self._vignette, self._noise, *offset, *strengths)
         return cv2.merge(list(planes))
 
-    @property
-    def suffix(self) -> str:
-        """Of the files that `encode` makes."""
-        return ".jpg" if self._effects.jpeg else ".png"
-
-    def encode(self, frame: np.ndarray) -> bytes:
-        """A developed frame as the bytes of a JPEG file, or of a PNG file where JPEG is off."""
+    def encode(self, frame: np.ndarray) -> tuple[bytes, str]:
+        """A developed frame as the bytes of a JPEG file, or PNG where JPEG is off; the suffix."""
         image = cv2.cvtColor(frame, cv2.COLOR_YCrCb2BGR)
         if not self._effects.jpeg:
-            return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
+            quick = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+            return cv2.imencode(".png", image, quick)[1].tobytes(), ".png"
         shared = self._effects.chroma_subsampling > 0
         factors = cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_422
         quality = [cv2.IMWRITE_JPEG_QUALITY, round(self._effects.jpeg)]
         options = [*quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, factors[shared]]
-        return cv2.imencode(".jpg", image, options)[1].tobytes()
+        return cv2.imencode(".jpg", image, options)[1].tobytes(), ".jpg"
 
     def deliver(self, frame: np.ndarray) -> np.ndarray:
         """A developed frame as Y, U, V, exactly as it is read back from the file of `encode`."""
         if self._effects.jpeg:
-            return decode_image(self.encode(frame))
+            return decode_image(self.encode(frame)[0])
         return yuv_from_bgr(cv2.cvtColor(frame, cv2.COLOR_YCrCb2BGR))

@@ -51,7 +51,7 @@ class Simulator:
         speed: float = 0.5,
         rng: np.random.Generator,
     ):
-        floor = Floor.hall() if floor is None else floor
+        floor = Floor.painted() if floor is None else floor
         self.floor = Floor(floor) if isinstance(floor, MapImage) else floor
         self.camera, self.effects = camera, effects
         flight_rng, sensor_rng, self._camera_rng, self._truth_rng = rng.spawn(4)
@@ -98,7 +98,7 @@ class Simulator:
 
     def capture(self) -> tuple[bytes, str]:
         """The frame at this moment as a file's bytes and its suffix."""
-        return self._sensor.encode(self._frame()), self._sensor.suffix
+        return self._sensor.encode(self._frame())
 
     def _frame(self) -> np.ndarray:
         state = self.state

@@ -53,14 +53,7 @@ def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, cells: int
 
 def texton_counts(image: np.ndarray, dictionary: TextonDictionary, cells: int = 1) -> np.ndarray:
     """``(K cells^2,) int64``: how often each texton occurs, as `texton_histogram` counts."""
-    return _label(image, dictionary, whole(cells, "cells"))[1]
-
-
-def label_image(image: np.ndarray, dictionary: TextonDictionary) -> np.ndarray:
-    """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position, ties to the lowest;
-    raises as `texton_histogram` does.
-    """
-    return _label(image, dictionary)[0]
+    return label_image(image, dictionary, whole(cells, "cells"))[1]
 
 
 def sampled_histogram(
@@ -118,10 +111,12 @@ def patch_histogram(
     return np.bincount(both, minlength=dictionary.n_textons * cells**2) / len(labels)
 
 
-def _label(
+def label_image(
     image: np.ndarray, dictionary: TextonDictionary, cells: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Labels of all positions, and how often each occurs in each of the cells."""
+    """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position, ties to the lowest;
+    and how often each occurs in each of the cells. It raises as `texton_histogram` does.
+    """
     from numba import config
 
     from trexton.vision.kernels import label_rows  # numba takes a while to load

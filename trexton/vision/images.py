@@ -67,12 +67,16 @@ def checked_bytes(path: Path) -> bytes:
         The file is missing, no regular file, or declares more than `MOST_PIXELS`.
     """
     data = read_bytes(path, MOST_BYTES, "an image", ImageError)
-    width, height = declared_size(data) or (0, 0)
-    if width * height > MOST_PIXELS:
-        raise ImageError(
-            f"{path}: declares {width}x{height} pixels: expected at most {MOST_PIXELS:,}, shrink it"
-        )
+    _check_size(path, declared_size(data) or (0, 0))
     return data
+
+
+def _check_size(source: object, size: tuple[float, float]) -> None:
+    if size[0] * size[1] > MOST_PIXELS:
+        raise ImageError(
+            f"{source}: declares {size[0]:.0f}x{size[1]:.0f} pixels: "
+            f"expected at most {MOST_PIXELS:,}, shrink it"
+        )
 
 
 def declared_size(data: bytes) -> tuple[int, int] | None:
@@ -133,14 +137,8 @@ def check_capture(capture: Any, source: object) -> None:
     ImageError
         They have more than `MOST_PIXELS`.
     """
-    width, height = (
-        capture.get(kind) for kind in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
-    )
-    if width * height > MOST_PIXELS:
-        raise ImageError(
-            f"{source}: declares {width:.0f}x{height:.0f} pixels: "
-            f"expected at most {MOST_PIXELS:,}, shrink it"
-        )
+    width, height = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT
+    _check_size(source, (capture.get(width), capture.get(height)))
 
 
 def read_picture(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | None] | None:

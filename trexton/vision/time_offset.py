@@ -1,5 +1,4 @@
-"""How late frames are: their turning on the spot held against a yaw measured beside them, or how
-fast they move against the speed (`moves`, `speed_correlations`).
+"""How late frames are: their turning on the spot held against a yaw measured beside them.
 
 A camera that looks down sees the floor turn by what the vehicle yaws, whatever the floor, its
 height and how the vehicle moves. The lag at which the two agree best is the time offset between
@@ -12,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -26,7 +24,6 @@ BEND = 5  # steps on both sides over which it is looked at how sharp the best of
 WINDOW_S = 0.3  # over which turns are added up: the noise of the yaw stays, what is turned grows
 LONGEST_FLIGHT_S = 1e5  # stamps of another unit may reach further
 SMOOTHED_S = 0.2  # of the yaw: its noise must weigh the same on its stamps and between them
-GRID_S, AROUND_S = 0.02, 0.3  # between the offsets of speeds that are tried, and smoothed over
 WIDTH = 160  # pixels of the frames that turns are read off, about
 CORNERS = 120  # that are followed from frame to frame
 
@@ -153,60 +150,3 @@ def _smoothed(
     grid = np.arange(time[0], time[-1], STEP_S)
     mean = np.convolve(np.interp(grid, time, values), np.full(width, 1 / width), "valid")
     return grid[width // 2 : width // 2 + len(mean)], mean
-
-
-def moves(frames: Iterable[np.ndarray]) -> NDArray[np.float64]:
-    """``(N,)`` pixels by which the picture moved before each frame; 0 for the first.
-
-    Parameters
-    ----------
-    frames : iterable of (H, W) uint8 arrays
-        Luma of one size; see `small`.
-    """
-    found: list[float] = []
-    before = None
-    for frame in frames:
-        grey = frame.astype(np.float32)
-        across, down = (0.0, 0.0) if before is None else cv2.phaseCorrelate(before, grey)[0]
-        found.append(float(np.hypot(across, down)))
-        before = grey
-    return np.array(found)
-
-
-def speed_correlations(
-    stamps: ArrayLike, motion: ArrayLike, time: ArrayLike, position: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Offsets in seconds, and at each the correlation of how pictures and positions move; -1 where
-    nothing moves.
-
-    Parameters
-    ----------
-    stamps, motion : (N,) arrays
-        Of the frames: seconds, and pixels a second before each.
-    time, position : (M,) and (M, 2) arrays
-        Seconds, increasing, and places then. An offset is added to `stamps` to have their time on
-        this clock. The clocks may start apart by as much as leaves half of the shorter recording
-        in common.
-    """
-    stamps, motion, time, position = (
-        np.asarray(each, dtype=float) for each in (stamps, motion, time, position)
-    )
-    stamps = stamps - np.diff(stamps, prepend=stamps[0]) / 2  # in the middle of each motion
-    grid, frames = np.arange(time[0], time[-1], GRID_S), np.arange(stamps[0], stamps[-1], GRID_S)
-    path = np.column_stack([np.interp(grid, time, column) for column in position.T])
-    width = round(AROUND_S / GRID_S)
-    speed, moved = (
-        np.convolve(values, np.full(width, 1 / width), mode="same")
-        for values in (
-            np.hypot(*np.gradient(path, GRID_S, axis=0).T), np.interp(frames, stamps, motion)
-        )
-    )  # fmt: skip
-    half = min(len(speed), len(moved)) // 2
-    shifts = np.arange(half - len(moved), len(speed) - half)
-    found = np.full(len(shifts), -1.0)
-    for row, shift in enumerate(shifts.tolist()):
-        low, high = max(0, shift), min(len(speed), shift + len(moved))
-        a, b = speed[low:high], moved[low - shift : high - shift]
-        if (spread := a.std() * b.std()) > 0:
-            found[row] = ((a - a.mean()) * (b - b.mean())).mean() / spread
-    return shifts * GRID_S + (grid[0] - frames[0]), found

@@ -95,7 +95,7 @@ def locate_all(picture: MapImage, flight: Flight) -> np.ndarray:
     """``(N, 2)`` metres: every frame of a flight on a map, unfiltered; NaN: no homography."""
     localizer = HomographyLocalizer(picture)
     images = progress(flight.images(), "locating", len(flight))
-    return np.array([localizer.locate(image).position for image in images])
+    return np.array([localizer.locate(image) for image in images])
 
 
 def finding(record: Record) -> str:

@@ -4,7 +4,6 @@ clocks is given, or found by their motion.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,11 +16,12 @@ from trexton.base.progress import progress
 from trexton.flights.frames import Selected, VideoFrames, stamped_frames
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.importers.tracks import TrackColumns, read_track
-from trexton.vision.time_offset import moves, small, speed_correlations
+from trexton.vision.time_offset import small
 
 __all__ = ["Settings", "estimate_offset", "read", "recognises"]
 
 SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".m4v", ".webm")
+_GRID, _AROUND = 0.02, 0.3  # seconds between the offsets that are tried, and smoothed over
 _SURE = 0.5  # correlation from which an estimated offset is believed
 _WHOLE = 0.98  # of the frames announced: some containers only estimate their number
 
@@ -91,6 +91,8 @@ def estimate_offset(
 ) -> tuple[float, float]:
     """The stamp of the first frame on the track's clock, and the correlation that speaks for it.
 
+    The clocks may start apart by as much as leaves half of the shorter recording in common.
+
     Parameters
     ----------
     stamps, motion : (N,) arrays
@@ -108,11 +110,29 @@ def estimate_offset(
             f"{len(stamps)} frames and positions over {time[-1]:.1f} s are too few to find the "
             "time offset: give it, --offset SECONDS"
         )
-    offsets, correlations = speed_correlations(stamps, motion, time, track.position[:, :2])
+    stamps = stamps - np.diff(stamps, prepend=stamps[0]) / 2  # in the middle of each motion
+    grid, frames = np.arange(time[0], time[-1], _GRID), np.arange(stamps[0], stamps[-1], _GRID)
+    path = np.column_stack([np.interp(grid, time, column) for column in track.position[:, :2].T])
+    width = round(_AROUND / _GRID)
+    speed, moved = (
+        np.convolve(values, np.full(width, 1 / width), mode="same")
+        for values in (
+            np.hypot(*np.gradient(path, _GRID, axis=0).T), np.interp(frames, stamps, motion)
+        )
+    )  # fmt: skip
+    half = min(len(speed), len(moved)) // 2
+    shifts = np.arange(half - len(moved), len(speed) - half)
+    correlations = np.full(len(shifts), -1.0)
+    for row, shift in enumerate(shifts.tolist()):
+        low, high = max(0, shift), min(len(speed), shift + len(moved))
+        a, b = speed[low:high], moved[low - shift : high - shift]
+        if (spread := a.std() * b.std()) > 0:
+            correlations[row] = ((a - a.mean()) * (b - b.mean())).mean() / spread
     best = int(correlations.argmax())
     if correlations[best] == -1:
         raise FlightError("nothing moves in the images or in the positions: give --offset SECONDS")
-    return float(offsets[best]) + track.time_ns[0] / NANO, float(correlations[best])
+    offset = float(shifts[best] * _GRID + (grid[0] - frames[0]))
+    return offset + track.time_ns[0] / NANO, float(correlations[best])
 
 
 def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
@@ -120,14 +140,16 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     sentence where the file announces more frames.
     """
     seen: list[float] = []
+    moved: list[float] = []
     announced: list[float] = []
-
-    def shown() -> Iterator[np.ndarray]:
-        for stamp, frame in progress(stamped_frames(source, announced), "video"):
-            seen.append(stamp)
-            yield small(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., None])
-
-    moved, stamps = moves(shown()), np.array(seen)
+    before = None
+    for stamp, frame in progress(stamped_frames(source, announced), "video"):
+        luma = small(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., None]).astype(np.float32)
+        across, down = (0.0, 0.0) if before is None else cv2.phaseCorrelate(before, luma)[0]
+        seen.append(stamp)
+        moved.append(float(np.hypot(across, down)))
+        before = luma
+    stamps = np.array(seen)
     if len(stamps) < 3:
         raise FlightError(f"{source}: {len(stamps)} frames could be decoded: expected a video")
     cut = []
@@ -136,5 +158,5 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
             f"{source}: {len(stamps)} of {announced[0]:.0f} frames could be decoded: the file is "
             "cut short, copy it again to have the rest"
         ]
-    motion = moved / np.maximum(np.diff(stamps, prepend=stamps[0] - 1), 1e-3)
+    motion = np.array(moved) / np.maximum(np.diff(stamps, prepend=stamps[0] - 1), 1e-3)
     return stamps - stamps[0], motion, cut
