@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from trexton.base.errors import ParameterError
 from trexton.evaluation.metrics import (
-    absolute_errors,
     block_rows,
     constant_guess,
     mean_over_groups,
@@ -102,8 +100,6 @@ def test_yardsticks(rng):
 def test_wilson_interval_of_four_in_six():
     low, high = wilson_interval(4, 6)
     assert (round(low, 3), round(high, 3)) == (0.300, 0.903)  # published tables
-    with pytest.raises(ParameterError):
-        wilson_interval(3, 2)
 
 
 @pytest.mark.parametrize(("good", "trials"), [(0, 1), (0, 9), (9, 9), (4, 6), (31, 200)])
@@ -138,8 +134,6 @@ def test_few_clusters_do_not_pretend_to_know():
         "value": 0.925, "low": low, "high": high, "trials": 40, "clusters": 2,
     }  # fmt: skip
     assert success_rate([0, 0], [0, 0]) is None
-    with pytest.raises(ParameterError):
-        wilson_interval([3, 1], [2, 4])
 
 
 def test_mean_over_groups_is_students():
@@ -149,20 +143,6 @@ def test_mean_over_groups_is_students():
     assert found["low"] == 0  # what cannot be negative
     assert mean_over_groups([0.8, 1.0], highest=1)["high"] == 1
     assert mean_over_groups([1.5]) == {"value": 1.5, "low": None, "high": None}
-
-
-@pytest.mark.parametrize("shapes", [((3, 2), (4, 2)), ((3,), (3,)), ((3, 3), (3, 3))])
-def test_shapes_that_do_not_fit_are_refused(shapes):
-    with pytest.raises(ParameterError, match="expected two"):
-        absolute_errors(*(np.zeros(shape) for shape in shapes))
-
-
-def test_nothing_has_no_summary(rng):
-    truth = np.zeros((3, 2))
-    with pytest.raises(ParameterError, match="no runs"):
-        summarize([], truth, 5.0, rng=rng)
-    with pytest.raises(ParameterError, match="draws is 0"):
-        summarize([truth], truth, 5.0, rng=rng, draws=0)
 
 
 @pytest.mark.parametrize("count", [2, 5, 17, 25])

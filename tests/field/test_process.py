@@ -16,6 +16,7 @@ from trexton.field.process import (
     blocks_in_time,
     matern,
     merge_places,
+    nlpd,
     select_length,
 )
 from trexton.field.tiles import Tiles
@@ -47,7 +48,7 @@ def test_the_kernel_is_one_at_no_distance_and_falls():
 
 def test_a_process_follows_the_features_and_doubts_itself_far_away(flown):
     places, features, _ = flown
-    process = Process.fit(places, features, 1.0)
+    process = Process(places, features, 1.0)
     asked = np.array([[2.0, 2.0], [40.0, 40.0]])
     mean, variance = process.mean(asked), process.variance(asked)
     truth = waves(np.array([[2.0, 2.0]]))[0] - waves(places).mean(axis=0)
@@ -58,15 +59,15 @@ def test_a_process_follows_the_features_and_doubts_itself_far_away(flown):
 
 def test_left_out_blocks_are_those_of_a_fit_without_them(flown):
     places, features, time = flown
-    process = Process.fit(places, features, 1.0)
+    process = Process(places, features, 1.0)
     blocks = blocks_in_time(time)
-    errors, variances = process.residuals(blocks)
+    _, errors, variances = nlpd(process, blocks)
     asked = np.array([[1.0, 1.0], [3.0, 0.5]])
     sets = [asked, asked[::-1]]
     for block, ((mean, variance), other) in process.predict_without(blocks, sets):
         np.testing.assert_array_equal(other[0], mean[::-1])
         kept = np.setdiff1d(np.arange(len(places)), block.left_out)
-        without = Process.fit(places[kept], features[kept], 1.0)
+        without = Process(places[kept], features[kept], 1.0)
         there, doubt = (each(places[block.rows]) for each in (without.mean, without.variance))
         np.testing.assert_allclose(errors[block.rows], features[block.rows] - there, atol=1e-8)
         np.testing.assert_allclose(variances[block.rows], doubt + NOISE, atol=1e-8)

@@ -98,7 +98,7 @@ def test_between_two_lanes_the_parts_know_where_a_frame_is(rng):
 
 def test_the_variance_of_a_frame_is_the_mean_of_what_its_parts_show(rng):
     places, _ = lanes(0.9)
-    process = Process.fit(places, look(places, rng), 0.8)
+    process = Process(places, look(places, rng), 0.8)
     tiles, centers = Tiles(OFFSETS), np.array([[1.0, 1.0], [3.1, 2.2]])
     exact = process.variance(tiles.places(centers)).reshape(2, 4).mean(axis=1)
     found = tiles.variance(process, centers, (0.0, 4.0, 0.0, 3.0))

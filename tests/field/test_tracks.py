@@ -272,13 +272,6 @@ def test_a_velocity_that_no_vehicle_has_moves_nothing(field, motion, later, glit
     assert np.flatnonzero(found).tolist() == [40]
 
 
-def test_a_velocity_of_another_shape_is_refused(field, motion, later):
-    with pytest.raises(ParameterError, match=r"velocity of shape \(3,\)"):
-        TrackFilter(motion, field, AREA).step(
-            Observation(histogram=lambda: later[1][0], aiding=Aiding(velocity=np.zeros(3)))
-        )
-
-
 def test_options_out_of_range_are_refused():
     with pytest.raises(ParameterError, match="tracks"):
         Tracks(tracks=0)

@@ -1,9 +1,8 @@
 """Blocked cross-validation of a training flight: stretches of it are flown by maps that did not see
 them, so that methods and settings can be compared before there is a test flight.
 
-Stretches are left out in pairs, the method is trained on the rest, and the stretches are flown,
-forwards and backwards. Histograms of full sampling are drawn anew, as a flight that samples sees
-them, unless the images are given; the dictionary stays. `assess` says what that amounts to.
+Histograms of full sampling are drawn anew, as a flight that samples sees them, unless the images
+are given; the dictionary stays.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from trexton.base.errors import MapError
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer
-from trexton.localization.neighbors import Neighbors
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import with_parts
 from trexton.localization.training_set import EXCLUDED_SECONDS
@@ -30,21 +28,6 @@ STRETCH_S = 5.0
 MOST_STRETCHES = 8
 CHI2_90 = -2 * np.log(0.1)  # of two degrees of freedom
 LEAST_COVERAGE = 0.8  # of the 90 % region, for a covariance that others may believe
-
-
-@dataclass(frozen=True, eq=False)
-class Flown:
-    """One frame of a training flight that was flown again, its true place in metres."""
-
-    row: int
-    truth: np.ndarray
-    estimate: Estimate
-    neighbors: Neighbors
-
-    @property
-    def error(self) -> np.ndarray:
-        """``(2,)`` metres."""
-        return self.estimate.position - self.truth
 
 
 @dataclass(frozen=True)
@@ -90,16 +73,16 @@ def assess(
         The flight is too short.
     """
     flown = list(replay(texton_map, samples=SAMPLES, rng=rng, flight=flight))
-    lost = np.array([each.estimate.lost_in(texton_map.area) for each in flown])
-    wide = [not each.estimate.lost for each, gone in zip(flown, lost, strict=True) if gone]
-    inside = [
-        each.error @ np.linalg.solve(each.estimate.about_position, each.error) <= CHI2_90
-        for each, gone in zip(flown, lost, strict=True)
-        if not gone
-    ]
+    errors, wide, inside = [], [], []
+    for truth, estimate in flown:
+        errors.append(error := estimate.position - truth)
+        if estimate.lost_in(texton_map.area):
+            wide.append(not estimate.lost)
+        else:
+            inside.append(error @ np.linalg.solve(estimate.about_position, error) <= CHI2_90)
     return Assessment(
         len(flown),
-        float(np.mean([np.hypot(*each.error) for each in flown])),
+        float(np.hypot(*np.transpose(errors)).mean()),
         1 - len(inside) / len(flown),
         float(np.mean(inside)) if inside else None,
         float(np.mean(wide)) if wide else 0.0,
@@ -133,9 +116,9 @@ def replay(
     samples: int | None,
     rng: np.random.Generator,
     flight: Flight | None = None,
-) -> Iterator[Flown]:
-    """Fly the left-out stretches of a map's own training flight, without the frames in which the
-    filter settles.
+) -> Iterator[tuple[np.ndarray, Estimate]]:
+    """Fly the left-out stretches of a map's own training flight: the true place in metres and the
+    estimate of each frame, without those in which the filter settles.
 
     Parameters
     ----------
@@ -178,8 +161,7 @@ def replay(
                     observation = localizer.observation(frame, aiding=aiding, samples=drawn)
                     estimate = localizer.advance(observation)
                     if since * texton_map.period_s >= WARM_S:
-                        place = texton_map.positions[row]
-                        yield Flown(row, place, estimate, observation.neighbors)
+                        yield texton_map.positions[row], estimate
 
 
 def _others(time: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -1,9 +1,6 @@
 """Map evaluation: how well a floor suits the method, from a training set alone (Methods, "Map
-evaluation").
-
-Histograms taken close together should be alike, and less so with distance. The ideal is a Gaussian
-bump around every position; the loss is what the actual similarity exceeds it by, negative where it
-falls short.
+evaluation"). The loss is what the similarity of histograms exceeds a Gaussian bump around every
+position by, negative where it falls short.
 
 Throughout, `histograms` is ``(N, K)``, `positions` is ``(N, 2)`` in metres, `sigma` is in metres
 and raises `ParameterError` unless it is positive.
@@ -14,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from trexton.base.errors import MapError, ParameterError
+from trexton.base.errors import MapError
 from trexton.base.options import number
 
 __all__ = ["cosine_similarity", "heat_map", "ideal_similarity", "local_losses", "smooth"]
@@ -52,14 +49,9 @@ def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: float) ->
     Raises
     ------
     MapError
-        A histogram is all zero or not finite, or shapes disagree.
+        A histogram is all zero, or not finite.
     """
-    units, positions = _units(histograms), np.asarray(positions, dtype=float)
-    if positions.shape != (len(units), 2) or not np.isfinite(positions).all():
-        raise MapError(
-            f"{len(units)} histograms came with positions of shape {positions.shape}: "
-            f"expected finite ({len(units)}, 2) metres"
-        )
+    units = _units(histograms)
     alike = np.einsum("nk,k->n", units, units.sum(axis=0))
     blocks = np.array_split(positions, -(-len(positions) // _ROWS))
     ideal = [ideal_similarity(block, positions, sigma).sum(axis=1) for block in blocks]
@@ -69,21 +61,7 @@ def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: float) ->
 def smooth(
     values: np.ndarray, positions: np.ndarray, places: np.ndarray, sigma: float
 ) -> np.ndarray:
-    """``(M,)``: Gaussian-weighted mean of the samples' `values` around `places` ``(M, 2)``.
-
-    Raises
-    ------
-    ParameterError
-        A shape is another, or a value or position is not finite.
-    """
-    values, positions = np.asarray(values, dtype=float), np.asarray(positions, dtype=float)
-    fit = values.ndim == 1 and len(values) and positions.shape == (len(values), 2)
-    # One sample that is unknown would make all around it unknown.
-    if not (fit and np.isfinite(np.column_stack([values, positions])).all()):
-        raise ParameterError(
-            f"values have shape {values.shape}, positions {positions.shape}: expected finite (N,) "
-            "and (N, 2), of one sample at least"
-        )
+    """``(M,)``: Gaussian-weighted mean of the samples' `values` around `places` ``(M, 2)``."""
     smoothed = []
     for block in np.array_split(places, len(places) // _ROWS + 1):
         weights = ideal_similarity(block, positions, sigma)
@@ -97,35 +75,18 @@ def heat_map(
     positions: np.ndarray,
     area: tuple[float, float, float, float],
     sigma: float,
-    *,
-    cell: float | None = None,
 ) -> np.ndarray:
     """Assign a value to every place of the floor: the samples' values, smoothed with a Gaussian.
 
-    A normalised convolution, taken at the cells' centres from the samples' own positions.
-
-    Parameters
-    ----------
-    values : (N,) array
-    positions : (N, 2) array
-    area : (x_min, x_max, y_min, y_max)
-    sigma : float
-    cell : float, optional
-        Side of a cell in metres, or a little less, so that whole cells fill the area; 5 cm, and
-        over fields as much as leaves 200 cells along the longer side.
+    A normalised convolution, taken at the centres of cells of 5 cm or a little less, so that whole
+    cells fill the area (x_min, x_max, y_min, y_max); over fields 200 along the longer side.
 
     Returns
     -------
     (rows, columns) array
         Row 0 lies at the smallest y; NaN farther than `sigma` from every sample.
-
-    Raises
-    ------
-    ParameterError
-        A shape is another, or a value or position is not finite.
     """
-    if cell is None:
-        cell = max(_FINEST, (area[1] - area[0]) / _CELLS, (area[3] - area[2]) / _CELLS)
+    cell = max(_FINEST, (area[1] - area[0]) / _CELLS, (area[3] - area[2]) / _CELLS)
     x, y = _centers(*area[:2], cell), _centers(*area[2:], cell)
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     heat = smooth(values, positions, places, sigma)
@@ -141,10 +102,6 @@ def _centers(start: float, end: float, cell: float) -> np.ndarray:
 def _units(histograms: np.ndarray) -> np.ndarray:
     """The histograms, each divided by its length."""
     histograms = np.asarray(histograms, dtype=float)
-    if histograms.ndim != 2 or not len(histograms):
-        raise MapError(
-            f"histograms have shape {histograms.shape}: expected (N, K) with at least one row"
-        )
     length = np.sqrt(np.einsum("nk,nk->n", histograms, histograms))
     bad = np.flatnonzero(~((length > 0) & np.isfinite(length)))
     if len(bad):

@@ -1,7 +1,4 @@
-"""How the floor looks in flight, as a role of a method: taken as it is, or followed.
-
-The paper names light, heading and height as limits of its method (Discussion).
-"""
+"""How the floor looks in flight, as a role of a method: taken as it is, or followed."""
 
 from __future__ import annotations
 

@@ -1,13 +1,10 @@
-"""How the floor looks in flight: under another light, in shadow, from another heading or height
-than when it was surveyed. A filter follows this appearance and takes it out of each frame
-before it is counted.
+"""A filter follows how the floor looks in flight, under another light, in shadow, from another
+heading or height than when it was surveyed, and takes that out of each frame before it is counted.
 
-The state is small: log gains of the light (brightness, warmth, tint), the heading and the log of
-the height, relative to the survey's. A few states are tried on patches of the frame. Each is
-weighted by the evidence of the field: the likelihood of the corrected histogram, summed over the
-floor. Their moments are the next state (assumed density filtering by importance sampling). Tiles of
-the image that lie in a shadow have a brightness of their own. While frames fit no place, states
-from all over the prior compete for a few frames.
+A few states are tried on patches of the frame, each weighted by the field's likelihood of the
+corrected histogram, summed over the floor. Their moments are the next state (assumed density
+filtering by importance sampling). While frames fit no place, states from all over the prior compete
+for a few frames.
 """
 
 from __future__ import annotations
@@ -18,7 +15,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from trexton.field.evidence import FrameEvidence
+from trexton.field.field import FrameEvidence
 from trexton.field.likelihood import better_half
 from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate

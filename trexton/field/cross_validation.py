@@ -17,11 +17,12 @@ from trexton.field.likelihood import (
     Basis,
     ErrorModel,
     TileTables,
+    better_half,
     error_terms,
     grid_cells,
     log_prior,
     rbf_kernel,
-    tile_blocks,
+    tile_bases,
 )  # fmt: skip
 from trexton.field.process import (
     NOISES,
@@ -75,7 +76,7 @@ def cross_validate(
     signal = np.tile((np.square(residuals) / uncertain[:, None]).mean(axis=0), parts)
     frames = len(rows) // parts
     noise = _noise(residuals.reshape(frames, -1), uncertain.reshape(frames, parts).mean(axis=1))
-    bases = [Basis.of(signal[: len(each)], each, None) for each in tile_blocks(noise, parts)]
+    bases = tile_bases(signal, noise, parts)
     centers, _ = grid_cells(area, CELLS)
     finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
     flown = np.repeat(places[::every], parts, axis=0)
@@ -151,9 +152,10 @@ def _located(
         variance = sum(spreads[1:], spreads[0]) / len(parts)
         rows = block.rows
         prior = log_prior(everywhere - density[:, gone.left_out].sum(axis=1), counted)
-        tables = TileTables.of(means, variance, bases)
+        tables = TileTables(means, variance, bases)
         posterior = tables.log_likelihoods(features[rows]).sum(axis=0) + prior
-        residuals[rows] = tables.squared_residual(features[rows], posterior.argmax(axis=1))
+        squared = tables.squared_residuals(features[rows], posterior.argmax(axis=1))
+        residuals[rows] = better_half(squared)
         posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
         posterior /= posterior.sum(axis=1, keepdims=True)
         errors[rows] = posterior @ centers - places[rows]

@@ -2,11 +2,9 @@
 along principal axes.
 
 Roots of counts and frequencies have noise alike for rare and frequent bins (Bartlett 1936), and
-distances of Hellinger. Values of which some are negative count nothing: they are taken as they are,
-in units of their deviations. Features other than the bins of a histogram may say nearly the same.
-Whether they are taken as they are or along their principal axes (Jolliffe, "Principal Component
-Analysis", 2002), in units of the deviation along each, is chosen by left-out blocks. Very many
-always are.
+distances of Hellinger. Values of which some are negative are taken as they are, in units of their
+deviations. Whether features other than bins are turned to their principal axes (Jolliffe,
+"Principal Component Analysis", 2002) is chosen by left-out blocks; very many always are.
 """
 
 from __future__ import annotations

@@ -1,16 +1,13 @@
 """Measurement by a field: at which places a histogram would be observed, and how certain the field
 is there.
 
-Of histograms the features of `trexton.field.features` are taken: roots of frequencies, or what
-other values ask for. Their field is learned as Gaussian processes (`trexton.field.process`), noise
-and errors by cross-validation. The residual of a frame at a place follows a Student distribution,
-so that one odd feature rules out no place for good.
+The residual of a frame at a place follows a Student distribution, so that one odd feature rules out
+no place for good.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -19,28 +16,33 @@ from trexton.base.errors import MapError
 from trexton.base.options import option
 from trexton.field.features import Features, is_counted
 from trexton.field.likelihood import (
-    Basis,
     ErrorModel,
     TileTables,
+    better_half,
     bilinear,
     error_terms,
     grid_cells,
     log_prior,
     rbf_kernel,
-    tile_blocks,
+    tile_bases,
 )  # fmt: skip
 from trexton.localization.base import learned
-from trexton.localization.estimate import ignorance
+from trexton.localization.estimate import Estimate, ignorance
 from trexton.localization.measurement import MeasurementModel
 from trexton.localization.observation import Observation
+from trexton.localization.texton_map import TextonMap
 from trexton.localization.training_set import Training
+from trexton.vision.correction import corrected_patches
+from trexton.vision.histograms import patch_histogram
+from trexton.vision.images import sample_positions
 
-__all__ = ["Field"]
+__all__ = ["Field", "FrameEvidence"]
 
-# Cells times features: what a frame may cost, and how much of the processor's cache it may fill.
-MAX_TABLE = 600_000
+MAX_TABLE = 600_000  # cells times features: what a frame may cost, of time and cache
 MIN_VARIANCE = 1e-3  # share of the signal: no place is taken to be known better
 MEAN_DISTANCE = 1.28  # of two places drawn from a square, over that of one's deviation
+LOCAL_SHARE = 0.5  # of a frame's evidence that is sought near the last estimate
+LOCAL_SIGMA = 0.15  # metres that are added to its deviation
 MAX_DEVIATION = 1e6  # standard deviations of a feature: beyond, squares would overflow
 
 
@@ -85,6 +87,10 @@ class Field(MeasurementModel):
         """
         from threadpoolctl import threadpool_limits
 
+        with threadpool_limits(1, user_api="blas"):  # sums are rounded alike on any machine
+            return self._fit(training)
+
+    def _fit(self, training: Training) -> Self:
         # What learning alone needs; the flight that follows does without SciPy.
         from trexton.field.cross_validation import cross_validate, select_features
         from trexton.field.process import Process, merge_places
@@ -92,46 +98,36 @@ class Field(MeasurementModel):
 
         parts, histograms = training.cells**2, training.histograms
         counted = is_counted(histograms, parts)
-        with threadpool_limits(1, user_api="blas"):  # sums are rounded alike on any machine
-            candidates = Features.candidates(histograms, parts)
+        candidates = Features.candidates(histograms, parts)
         if not candidates[0].axes.shape[1]:
-            raise MapError(
-                f"all {len(histograms)} training histograms are alike: no place differs from "
-                "another, record a flight over a floor with some pattern"
-            )
+            raise MapError("all training histograms are alike: fly over a floor with some pattern")
         # Far from where x and y are zero distances would be rounded: that moves by kilometres.
         origin = training.positions.mean(axis=0).round(-3)
         places = training.positions - origin
         x_min, x_max, y_min, y_max = (np.array(training.area) - origin.repeat(2)).tolist()
         area = x_min, x_max, y_min, y_max
         if not np.ptp(places, axis=0).any():
-            raise MapError(
-                f"all {len(places)} training positions are one place: fly over the floor"
-            )
-        with threadpool_limits(1, user_api="blas"):
-            taken = select_features(candidates, histograms, places, training.time, area)
-            features = np.asfortranarray(taken(histograms))  # for sums of columns
-        cells = min(self.cells, max(16, MAX_TABLE // features.shape[1]))
-        centers, _ = grid_cells(area, cells)
-        with threadpool_limits(1, user_api="blas"):
-            offsets = self._known_offsets
-            if offsets is not None and len(offsets) in (1, parts):
-                tiles = Tiles(offsets)
-            else:
-                of_parts = features.reshape(len(features), parts, -1)
-                tiles = Tiles.of(places, of_parts, training.time)
-            parts = len(tiles.offsets)
-            values = features.reshape(len(features) * parts, -1)
-            middle = values.mean(axis=0)
-            values = values - middle
-            centred = values.reshape(len(features), -1)
-            chosen, judged, _ = cross_validate(places, centred, training.time, area, tiles, counted)
-            merged, values, counts = merge_places(tiles.places(places), values)
-            process = Process.fit(merged, values, chosen.length, counts, noise=chosen.noise)
-            mean = np.hstack([process.mean(centers + offset) for offset in tiles.offsets])
-            variance = tiles.variance(process, centers, area)
-            flown, _, counts = merge_places(places, places)
-            prior = log_prior(rbf_kernel(centers, flown, process.length) @ counts, counted)
+            raise MapError("all training positions are one place: fly over the floor")
+        taken = select_features(candidates, histograms, places, training.time, area)
+        features = np.asfortranarray(taken(histograms))  # for sums of columns
+        centers, _ = grid_cells(area, min(self.cells, max(16, MAX_TABLE // features.shape[1])))
+        offsets = self._known_offsets
+        if offsets is not None and len(offsets) in (1, parts):
+            tiles = Tiles(offsets)
+        else:
+            tiles = Tiles.of(places, features.reshape(len(features), parts, -1), training.time)
+        parts = len(tiles.offsets)
+        values = features.reshape(len(features) * parts, -1)
+        middle = values.mean(axis=0)
+        values = values - middle
+        centred = values.reshape(len(features), -1)
+        chosen, judged, _ = cross_validate(places, centred, training.time, area, tiles, counted)
+        merged, values, counts = merge_places(tiles.places(places), values)
+        process = Process(merged, values, chosen.length, counts, noise=chosen.noise)
+        mean = np.hstack([process.mean(centers + offset) for offset in tiles.offsets])
+        variance = tiles.variance(process, centers, area)
+        flown, _, counts = merge_places(places, places)
+        prior = log_prior(rbf_kernel(centers, flown, process.length) @ counts, counted)
         return self.with_learned(
             axes=taken.axes,
             signed=np.array(taken.signed),
@@ -155,39 +151,20 @@ class Field(MeasurementModel):
         return len(self.axes)
 
     def prepare(self) -> None:
-        """Raise `MapError` for arrays that do not fit each other."""
-        d, count = len(self.center), len(self.variance)
-        numbers = ("signed", "training_variance", "revisit_inflation", "residual_scale")
-        shapes: dict[str, tuple[int, ...]] = {name: () for name in numbers}
-        shapes |= {"area": (4,), "errors": (3,), "error_coefficients": (3,), "prior": (count,)}
-        shapes |= {"axes": (len(self.axes), d), "signal": (d,), "noise": (d, d)}
-        shapes |= {"mean": (count, d), "offsets": (len(self.offsets), 2)}
-        for name, shape in shapes.items():
-            array = getattr(self, name)
-            if array.shape != shape:
-                raise MapError(
-                    f"the field's {name} has shape {array.shape}: expected {shape}, train the map "
-                    "again"
-                )
+        """Raise `MapError` for arrays that are not finite or do not fit the grid."""
+        for name, array in self.arrays().items():
             if not np.isfinite(array).all():
                 raise MapError(f"the field's {name} is not finite: fly over more of the floor")
+        d = len(self.center)
         wanted = min(self.cells, max(16, MAX_TABLE // d))
         self.centers, self.shape = grid_cells(tuple(self.area.tolist()), wanted)
-        if len(self.centers) != count:
-            raise MapError(f"the field has {count} cells and {d} features that fit no grid")
+        if self.mean.shape != (len(self.centers), d):
+            raise MapError(f"a field of shape {self.mean.shape} fits no grid: train the map again")
         self.features = Features(self.axes, bool(self.signed))
         self._tables: dict[int | None, TileTables] = {}
-
-    @cached_property
-    def error_model(self) -> ErrorModel:
-        """How single frames err."""
-        return ErrorModel(*self.errors.tolist())
-
-    @property
-    def cell(self) -> float:
-        """Side of a cell in metres."""
+        self.error_model = ErrorModel(*self.errors.tolist())  # of single frames
         x_min, x_max, y_min, y_max = self.area
-        return float(np.sqrt((x_max - x_min) * (y_max - y_min) / len(self.centers)))
+        self.cell = float(np.sqrt((x_max - x_min) * (y_max - y_min) / len(self.centers)))  # metres
 
     def prepare_frame(self, observation: Observation) -> None:
         observation.histogram  # noqa: B018  drawn before the filter draws
@@ -196,8 +173,7 @@ class Field(MeasurementModel):
         """``(M,)`` log of likelihood times prior at the centres of the cells, less a constant."""
         deviations = self.deviations(observation.histogram)
         by_tile = self.tables(observation.samples).log_likelihoods(deviations)
-        result: np.ndarray = by_tile.sum(axis=0) + self.prior
-        return result
+        return np.sum(by_tile, axis=0) + self.prior
 
     def deviations(self, histograms: np.ndarray) -> np.ndarray:
         """``(..., d)`` features of histograms ``(..., K)``, less the centre."""
@@ -208,11 +184,9 @@ class Field(MeasurementModel):
         """Likelihoods of the tiles where so many samples were counted; None: all patches."""
         if samples not in self._tables:
             parts = len(self.offsets)
-            noise = tile_blocks(self.noise, parts)
-            signals = np.split(self.signal, parts)
-            bases = [Basis.of(*each, samples) for each in zip(signals, noise, strict=True)]
+            bases = tile_bases(self.signal, self.noise, parts, samples)
             means = np.split(self.mean, parts, axis=1)
-            self._tables[samples] = TileTables.of(means, self.variance, bases)
+            self._tables[samples] = TileTables(means, self.variance, bases)
         return self._tables[samples]
 
     def normalized_residual(self, observation: Observation, log_posterior: np.ndarray) -> float:
@@ -221,7 +195,7 @@ class Field(MeasurementModel):
         """
         deviations, cell = self.deviations(observation.histogram), log_posterior.argmax()
         tables = self.tables(observation.samples)
-        squared = tables.squared_residual(deviations[None], np.array([cell]))
+        squared = better_half(tables.squared_residuals(deviations[None], np.array([cell])))
         return float(squared[0] / max(float(self.residual_scale), MIN_VARIANCE))
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
@@ -230,9 +204,8 @@ class Field(MeasurementModel):
     def correlated_inflation(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` factors, at least one, on the variance of correlated errors at `places`.
 
-        The covariance grows with the field's variance: between the passes of a survey it is larger
-        than where the errors were learned; and where a survey repeats its passes, they were learned
-        nearer to it than a later flight will be.
+        Between the passes of a survey the field's variance is larger than where the errors were
+        learned; where a survey repeats its passes, that was nearer to it than a later flight is.
         """
         between = self.variance_at(places) / max(float(self.training_variance), MIN_VARIANCE)
         return float(self.revisit_inflation) * np.maximum(1.0, between)
@@ -250,3 +223,66 @@ class Field(MeasurementModel):
     def variance_at(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` the field's variance at ``(M, 2)`` places, as a share of the signal."""
         return bilinear(self.variance.reshape(self.shape), self.area, places)
+
+
+class FrameEvidence:
+    """The evidence of frames over a map for states of the appearance, each by so many patches that
+    are drawn from the frame: the likelihood of its histogram, as each of the states corrects it.
+    """
+
+    def __init__(self, texton_map: TextonMap, patches: int, rng: np.random.Generator):
+        self._map, self._patches, self._rng = texton_map, patches, rng
+        self._field: Field = texton_map.parts["measurement"]
+        self.near(None)
+
+    def near(self, estimate: Estimate | None) -> None:
+        """Expect the next frame near an estimate; None: anywhere."""
+        self._prior: np.ndarray = self._field.prior
+        if estimate is not None:
+            offset = self._field.centers - estimate.position
+            precision = np.linalg.inv(estimate.covariance + LOCAL_SIGMA**2 * np.eye(2))
+            density = np.exp(-0.5 * np.einsum("ni,ij,nj->n", offset, precision, offset))
+            share = density / max(float(density.mean()), 1e-300)
+            self._prior = self._prior + np.log(LOCAL_SHARE * share + 1 - LOCAL_SHARE)
+
+    def __call__(
+        self, frame: np.ndarray, states: np.ndarray, levels: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """``(S,)`` log evidence of the frame as each of the ``(S, 5)`` states corrects it, with the
+        tiles' brightnesses `levels` ``(C,)``, and the normalized residual of the tiles ``(S, C)``
+        at the likeliest place.
+        """
+        by_tile, tables, deviations = self._likelihoods(frame, states, levels)
+        log_posterior = by_tile.sum(axis=0) + self._prior
+        squared = tables.squared_residuals(deviations, log_posterior.argmax(axis=1))
+        residuals = squared / float(self._field.residual_scale)
+        peak = log_posterior.max(axis=1)
+        total = np.exp(log_posterior - peak[:, None]).sum(axis=1)
+        return peak + np.log(total), residuals.T
+
+    def best_of_tiles(
+        self, frame: np.ndarray, states: np.ndarray, penalties: np.ndarray
+    ) -> np.ndarray:
+        """``(C,)``: which of the ``(S, 5)`` states each tile supports, given ``(C, S)`` penalties,
+        at the place that all together support.
+        """
+        by_tile, _, _ = self._likelihoods(frame, states, np.zeros(len(penalties)))
+        by_tile = by_tile - penalties[..., None]
+        place = (by_tile.max(axis=1).sum(axis=0) + self._prior).argmax()
+        best: np.ndarray = by_tile[..., place].argmax(axis=1)
+        return best
+
+    def _likelihoods(
+        self, frame: np.ndarray, states: np.ndarray, levels: np.ndarray
+    ) -> tuple[np.ndarray, TileTables, np.ndarray]:
+        """``(C, S, M)`` log likelihoods, their tables, and features ``(S, d)`` as corrected."""
+        dictionary, parts, count = self._map.alphabet, self._map.cells, self._patches
+        positions = sample_positions(frame.shape, dictionary.patch, count, self._rng)
+        patches = (
+            corrected_patches(frame, positions, dictionary.patch, state, levels) for state in states
+        )
+        histograms = np.stack(
+            [patch_histogram(each, positions, frame.shape, dictionary, parts) for each in patches]
+        )
+        tables, deviations = self._field.tables(count), self._field.deviations(histograms)
+        return tables.log_likelihoods(deviations), tables, deviations

@@ -1,7 +1,5 @@
-"""A frame's features are more or less likely at each cell of a floor. Offers the cells and values
-between them, tables of that likelihood for whole images and for tiles, the places where most of it
-lies, the prior density of places by where the survey flew, and a model of the frames' errors, which
-are correlated in time and grow with the field's variance.
+"""A frame's features are more or less likely at each cell of a floor. Offers the cells, tables of
+that likelihood for whole images and for tiles, its peaks, the prior, and a model of the errors.
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ from trexton.localization.base import Area
 
 __all__ = [
     "Basis", "ErrorModel", "Table", "TileTables", "better_half", "bilinear", "error_terms",
-    "grid_cells", "log_prior", "peaks", "rbf_kernel", "tile_blocks",
+    "grid_cells", "log_prior", "peaks", "rbf_kernel", "tile_bases",
 ]  # fmt: skip
 
 DEGREES_OF_FREEDOM = 6.0  # of the Student distribution
@@ -54,7 +52,6 @@ class Basis:
         return cls(white @ turn, np.maximum(strength, 0))
 
 
-@dataclass(frozen=True, eq=False)
 class Table:
     """The field's likelihood at every cell, arranged so that a frame costs one product.
 
@@ -62,98 +59,65 @@ class Table:
     which is linear in y^2 and y.
     """
 
-    weights: np.ndarray
-    constant: np.ndarray
-    log_norm: np.ndarray
-
-    @classmethod
-    def of(cls, mean: np.ndarray, variance: np.ndarray, strength: np.ndarray) -> Table:
-        """Of the field's ``(M, d)`` mean and ``(M,)`` variance at the cells, along the basis."""
-        total = 1 + variance[:, None] * strength
-        weights = np.hstack([1 / total, -2 * mean / total]).astype(np.float32)
-        constant = (np.square(mean) / total).sum(axis=1)
-        return cls(weights, constant, -0.5 * np.log(total).sum(axis=1))
+    def __init__(self, mean: np.ndarray, variance: np.ndarray, basis: Basis):
+        """Of the field's ``(M, d)`` mean and ``(M,)`` variance at the cells."""
+        mean = mean @ basis.whiten
+        total = 1 + variance[:, None] * basis.strength
+        self.basis, self.log_norm = basis, -0.5 * np.log(total).sum(axis=1)
+        self.weights = np.hstack([1 / total, -2 * mean / total]).astype(np.float32)
+        self.constant = (np.square(mean) / total).sum(axis=1)
 
     def log_likelihood(self, features: np.ndarray) -> np.ndarray:
         """``(M,)`` for features ``(d,)``, or ``(n, M)`` for ``(n, d)``, up to a constant."""
-        squared = np.maximum(_both(features) @ self.weights.T + self.constant, 0)
+        squared = np.maximum(self._both(features) @ self.weights.T + self.constant, 0)
         half = 0.5 * (DEGREES_OF_FREEDOM + features.shape[-1])
         return self.log_norm - half * np.log1p(squared / DEGREES_OF_FREEDOM)
 
     def squared_residual(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """``(N,)`` squared deviations a feature of features ``(N, d)``, each at its cell."""
-        products = np.einsum("nd,nd->n", _both(features), self.weights[cells])
+        products = np.einsum("nd,nd->n", self._both(features), self.weights[cells])
         result: np.ndarray = np.maximum(products + self.constant[cells], 0) / features.shape[-1]
         return result
 
+    def _both(self, features: np.ndarray) -> np.ndarray:
+        """Squares of features in the basis, and they, side by side, in single precision."""
+        features = features @ self.basis.whiten
+        return np.concatenate([features * features, features], axis=-1).astype(np.float32)
 
-def _both(features: np.ndarray) -> np.ndarray:
-    """Squares of features and features, side by side, in single precision."""
-    return np.concatenate([features * features, features], axis=-1).astype(np.float32)
 
-
-@dataclass(frozen=True, eq=False)
 class TileTables:
     """The likelihoods of an image's tiles, each with a Student distribution of its own: a tile that
     shows what is new there, a rug or a shadow, takes nothing away from what the others tell.
-
-    Attributes
-    ----------
-    bases : sequence of Basis
-        Of each tile's features.
-    tables : sequence of Table
-    anywhere : sequence of Table
-        Of a place of which nothing is known.
     """
 
-    bases: Sequence[Basis]
-    tables: Sequence[Table]
-    anywhere: Sequence[Table]
-
-    @classmethod
-    def of(
-        cls, means: Sequence[np.ndarray], variance: np.ndarray, bases: Sequence[Basis]
-    ) -> TileTables:
+    def __init__(self, means: Sequence[np.ndarray], variance: np.ndarray, bases: Sequence[Basis]):
         """Of the field's ``(M, k)`` mean for each tile, and its ``(M,)`` variance at the cells."""
-        tables = [
-            Table.of(mean @ basis.whiten, variance, basis.strength)
-            for mean, basis in zip(means, bases, strict=True)
-        ]
-        unknown = [
-            Table.of(np.zeros((1, len(basis.strength))), np.ones(1), basis.strength)
-            for basis in bases
-        ]
-        return cls(bases, tables, unknown)
+        both = zip(means, bases, strict=True)
+        self.tables = [Table(mean, variance, basis) for mean, basis in both]
+        # Of a place of which nothing is known.
+        self.anywhere = [Table(np.zeros((1, len(each.whiten))), np.ones(1), each) for each in bases]
 
     def log_likelihoods(self, features: np.ndarray) -> np.ndarray:
         """``(C, ..., M)``, tile by tile, for features ``(..., d)``.
 
         A tile of several may show what was not there: a mixture at every cell.
         """
-        found = []
-        for (tile, table), anywhere in zip(self._tiles(features), self.anywhere, strict=True):
+        all_likely, tiles = [], self._tiles(features)
+        for tile, table, anywhere in zip(tiles, self.tables, self.anywhere, strict=True):
             likely = table.log_likelihood(tile)
-            if len(self.tables) > 1:
+            if len(tiles) > 1:
                 clutter = anywhere.log_likelihood(tile) + np.log(CLUTTER_SHARE)
                 likely = np.logaddexp(likely, clutter)
-            found.append(likely)
-        return np.stack(found)
-
-    def squared_residual(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """``(N,)`` squared deviations a feature of frames ``(N, d)``, each at its cell."""
-        return better_half(self.squared_residuals(features, cells))
+            all_likely.append(likely)
+        return np.stack(all_likely)
 
     def squared_residuals(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """``(C, N)``: `squared_residual`, tile by tile."""
-        return np.stack(
-            [table.squared_residual(tile, cells) for tile, table in self._tiles(features)]
-        )
+        """``(C, N)`` squared deviations a feature of frames ``(N, d)``, each at its cell."""
+        both = zip(self.tables, self._tiles(features), strict=True)
+        return np.stack([table.squared_residual(tile, cells) for table, tile in both])
 
-    def _tiles(self, features: np.ndarray) -> Iterator[tuple[np.ndarray, Table]]:
-        """Features of each tile in its basis, and its table."""
-        tiles = np.split(features, len(self.tables), axis=-1)
-        for tile, basis, table in zip(tiles, self.bases, self.tables, strict=True):
-            yield tile @ basis.whiten, table
+    def _tiles(self, features: np.ndarray) -> list[np.ndarray]:
+        return np.split(features, len(self.tables), axis=-1)
 
 
 def better_half(residuals: np.ndarray) -> np.ndarray:
@@ -179,10 +143,14 @@ def log_prior(density: np.ndarray, counted: bool = True) -> np.ndarray:
     return np.log((1 - uniform) * density / mean + uniform)
 
 
-def tile_blocks(noise: np.ndarray, parts: int) -> list[np.ndarray]:
-    """The blocks ``(d / parts, d / parts)`` of a covariance ``(d, d)`` that belong to each tile."""
-    size = len(noise) // parts
-    return [noise[i : i + size, i : i + size] for i in range(0, len(noise), size)]
+def tile_bases(
+    signal: np.ndarray, noise: np.ndarray, parts: int, samples: int | None = None
+) -> list[Basis]:
+    """The basis of each tile, to which a block of the signal ``(d,)`` and the noise ``(d, d)``
+    belong.
+    """
+    tiles = np.split(np.arange(len(signal)), parts)
+    return [Basis.of(signal[tile], noise[np.ix_(tile, tile)], samples) for tile in tiles]
 
 
 def grid_cells(area: Area, cells: int) -> tuple[np.ndarray, tuple[int, int]]:

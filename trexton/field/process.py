@@ -5,12 +5,6 @@ Equations after Rasmussen & Williams, "Gaussian Processes for Machine Learning" 
 (2.26) for mean and variance, Sec. 5.4.2 for predictions with a part left out. Shapes, throughout:
 `places` are ``(N, 2)`` metres, `features` ``(N, K)``, variances are relative to each feature's
 own signal variance.
-
-Frames near a left-out one in time show nearly the same; so do those of another pass over the same
-place. A later flight comes less near to the survey, and errs more than blocks that were left out
-in time alone would say. They leave out what is near in space as well, until the frames left are as
-far away as a later flight will find them: nearest neighbour distance matching (Mila et al.,
-"Nearest neighbour distance matching Leave-One-Out Cross-Validation for map validation", 2022).
 """
 
 from __future__ import annotations
@@ -73,6 +67,10 @@ def blocks_in_space(
 ) -> list[Block]:
     """Blocks that leave out what is near in space, too, where those given keep too much.
 
+    A later flight comes less near to the survey than another of its passes: nearest neighbour
+    distance matching (Mila et al., "Nearest neighbour distance matching Leave-One-Out
+    Cross-Validation for map validation", 2022).
+
     Parameters
     ----------
     blocks : sequence of Block
@@ -115,18 +113,10 @@ def blocks_in_space(
 
 def matern(places: np.ndarray, others: np.ndarray, length: float) -> np.ndarray:
     """``(N, M)`` Matern kernel with nu = 3/2 (R&W 4.17): rough enough for the edges of a floor."""
-    return _matern(_distances(places, others), length)
-
-
-def _distances(places: np.ndarray, others: np.ndarray) -> np.ndarray:
-    squared = np.square(places).sum(axis=1)[:, None] + np.square(others).sum(axis=1)
-    squared -= 2 * places @ others.T
-    return np.sqrt(np.maximum(squared, 0, out=squared), out=squared)
-
-
-def _matern(distances: np.ndarray, length: float) -> np.ndarray:
-    """The kernel at these distances, with no more than one array beside the result."""
-    result = distances * (np.sqrt(3) / length)
+    result = np.square(places).sum(axis=1)[:, None] + np.square(others).sum(axis=1)
+    result -= 2 * places @ others.T
+    np.sqrt(np.maximum(result, 0, out=result), out=result)
+    result *= np.sqrt(3) / length
     decay = np.negative(result)
     np.exp(decay, out=decay)
     result += 1
@@ -165,47 +155,34 @@ def merge_places(
     return mean_places, mean_features, counts
 
 
-@dataclass(frozen=True, eq=False)
 class Process:
-    """Processes of all features over one set of places.
+    """Processes of all features over one set of places, conditioned on features of mean zero.
 
-    Attributes
+    Parameters
     ----------
     places : (N, 2) array
+    features : (N, K) array
     length : float
         Of the kernel, metres.
-    precision : (N, N) array
-        Inverse of the kernel matrix with its noise.
-    weights : (N, K) array
-        The precision times the features.
+    counts : (N,) array, optional
+        As of `merge_places`.
     noise : float
         Of a frame, as a share of the signal variance.
     """
 
-    places: np.ndarray
-    length: float
-    precision: np.ndarray
-    weights: np.ndarray
-    noise: float = NOISE
-
-    @classmethod
-    def fit(
-        cls,
+    def __init__(
+        self,
         places: np.ndarray,
         features: np.ndarray,
         length: float,
         counts: np.ndarray | None = None,
-        distances: np.ndarray | None = None,
         noise: float = NOISE,
-    ) -> Process:
-        """Condition the processes on features of mean zero; `counts` as of `merge_places`, and
-        `distances` ``(N, N)`` of the places where they are at hand.
-        """
-        apart = _distances(places, places) if distances is None else distances
-        matrix = _matern(apart, length)
+    ):
+        self.places, self.length, self.noise = places, length, noise
+        matrix = matern(places, places, length)
         matrix[np.diag_indices(len(places))] += noise / (1 if counts is None else counts)
-        precision = np.linalg.inv(matrix)
-        return cls(places, length, precision, precision @ features, noise)
+        self.precision = np.linalg.inv(matrix)
+        self.weights = self.precision @ features
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """``(M, K)`` mean at places, in slices that stay small."""
@@ -222,17 +199,6 @@ class Process:
     def _kernels(self, places: np.ndarray) -> Iterator[np.ndarray]:
         for first in range(0, len(places), 1024):
             yield matern(places[first : first + 1024], self.places, self.length)
-
-    def residuals(self, blocks: Sequence[Block]) -> tuple[np.ndarray, np.ndarray]:
-        """``(N, K)`` errors at each place without its block; ``(N,)`` variances with noise."""
-        errors, variances = np.empty_like(self.weights), np.empty(len(self.places))
-        for block in blocks:
-            left_out = block.left_out
-            covariance = np.linalg.inv(self.precision[np.ix_(left_out, left_out)])
-            inside = np.isin(left_out, block.rows)
-            errors[block.rows] = (covariance @ self.weights[left_out])[inside]
-            variances[block.rows] = np.diag(covariance)[inside]
-        return errors, np.maximum(variances, self.noise)
 
     def predict_without(
         self, blocks: Sequence[Block], places: Sequence[np.ndarray]
@@ -261,11 +227,19 @@ class Process:
 
 def nlpd(process: Process, blocks: Sequence[Block]) -> tuple[float, np.ndarray, np.ndarray]:
     """Negative log predictive density of left-out blocks, twice that of a feature of a place and
-    less a constant, with `Process.residuals`.
+    less a constant; ``(N, K)`` errors at each place without its block, ``(N,)`` variances with
+    noise.
 
     Each feature's signal variance takes its likeliest value.
     """
-    errors, variances = process.residuals(blocks)
+    errors, variances = np.empty_like(process.weights), np.empty(len(process.places))
+    for block in blocks:
+        left_out = block.left_out
+        covariance = np.linalg.inv(process.precision[np.ix_(left_out, left_out)])
+        inside = np.isin(left_out, block.rows)
+        errors[block.rows] = (covariance @ process.weights[left_out])[inside]
+        variances[block.rows] = np.diag(covariance)[inside]
+    variances = np.maximum(variances, process.noise)
     scale = (np.square(errors) / variances[:, None]).mean(axis=0)
     density = float(np.log(np.maximum(scale, 1e-300)).mean() + np.log(variances).mean())
     return density, errors, variances
@@ -282,10 +256,9 @@ def select_length(
 
     The length is chosen first, then the noise; where that is another, the length once more.
     """
-    distances = _distances(places, places)
 
     def judged(share: float, noise: float) -> tuple[Process, float, np.ndarray, np.ndarray]:
-        process = Process.fit(places, features, diagonal * share, distances=distances, noise=noise)
+        process = Process(places, features, diagonal * share, noise=noise)
         return process, *nlpd(process, blocks)
 
     def best_length(noise: float) -> tuple[Process, float, np.ndarray, np.ndarray]:

@@ -1,9 +1,7 @@
 """The ground footprints of image tiles, learned from a survey: places beside that of the frame.
 
-A field over the places of frames knows little between two lanes of a survey. But an image that is
-cut into tiles shows the floor of several places at once, and what its left tile shows from one lane
-its right tile showed from the next. With one field over the ground, of which a frame shows as many
-places as it has tiles, a survey covers all that it has shown, not only where it was.
+What the left tile of an image shows from one lane of a survey, its right tile showed from the next:
+with one field over the ground a survey covers all that it has shown, not only where it was.
 """
 
 from __future__ import annotations
@@ -79,7 +77,7 @@ class Tiles:
 
         def density(tiles: Tiles) -> float:
             values = features.reshape(len(places) * len(tiles.offsets), -1)
-            process = Process.fit(tiles.places(places), values - values.mean(axis=0), length)
+            process = Process(tiles.places(places), values - values.mean(axis=0), length)
             return nlpd(process, tiles.blocks(blocks))[0]
 
         size = max(float(np.abs(steps).max()), 1e-3)
@@ -141,15 +139,10 @@ def _steps(places: np.ndarray, features: np.ndarray) -> np.ndarray | None:
     """
     side = isqrt(features.shape[1])
     number = np.arange(side**2).reshape(side, side)
-    neighbors = (
-        zip(number[:, :-1].ravel(), number[:, 1:].ravel(), strict=True),
-        zip(number[:-1].ravel(), number[1:].ravel(), strict=True),
-    )
     steps = []
-    for pairs in neighbors:
-        votes = [
-            _apart(places, features[:, part], features[:, following]) for part, following in pairs
-        ]
+    for tiles, following in ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:])):
+        pairs = zip(tiles.ravel(), following.ravel(), strict=True)
+        votes = [_apart(places, features[:, one], features[:, other]) for one, other in pairs]
         joined = np.concatenate(votes)
         if len(joined) < MIN_PAIRS:
             return None

@@ -3,13 +3,9 @@
 
 A hypothesis predicts a Gaussian; times the likelihood over the cells it gives a posterior, whose
 mean and covariance go back into it (assumed density filtering; Maybeck, "Stochastic Models,
-Estimation and Control", vol. 2, 1982, Sec. 12.7). The error that neighbouring frames share is part
-of the state, so that a second frame of the same place is not taken for an independent measurement.
-Its weight is the evidence of its predictions; where a frame supports another place a hypothesis is
-born there, so that a wrong start or a kidnapping is a matter of evidence as well. Places that look
-alike mislead frame after frame: with velocity aiding, a hypothesis that no frame supports is kept
-for a while by dead reckoning. The velocity itself may be biased, by a compass beside steel, say:
-some hypotheses estimate that bias.
+Estimation and Control", vol. 2, 1982, Sec. 12.7). Its weight is the evidence of its predictions;
+where a frame supports another place a hypothesis is born there. With velocity aiding, one that no
+frame supports is kept for a while by dead reckoning, since places that look alike mislead.
 """
 
 from __future__ import annotations
@@ -20,7 +16,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.field.field import Field
 from trexton.field.hypotheses import BIAS_SIGMA, CLUTTER_PROBABILITY, Hypotheses
@@ -108,13 +103,7 @@ class TrackFilter:
         self._bias: np.ndarray | None = None  # m/s
 
     def step(self, observation: Observation | None) -> None:
-        """Advance one frame; None where nothing was observed: predict only.
-
-        Raises
-        ------
-        ParameterError
-            A velocity came that is none along two axes.
-        """
+        """Advance one frame; None where nothing was observed: predict only."""
         self._bias = None
         hypotheses = self.hypotheses
         if observation is None:
@@ -187,14 +176,8 @@ class TrackFilter:
 
     def _gated(self, measured: np.ndarray, sigma: float) -> np.ndarray | None:
         """A velocity that this vehicle may have, biased or not; None beyond the gate."""
-        velocity = np.asarray(measured, dtype=float)
-        if velocity.shape != (2,):
-            raise ParameterError(
-                f"a velocity of shape {velocity.shape} came with a frame: expected (2,), m/s "
-                "in the map's axes"
-            )
         usual = np.sqrt(self._speed_variance + sigma**2)
-        return velocity if np.abs(velocity).max() <= VELOCITY_GATE_SIGMA * usual else None
+        return measured if np.abs(measured).max() <= VELOCITY_GATE_SIGMA * usual else None
 
     def _update_frame(self, cells: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Update by the frame's likelihood `shares` ``(M,)`` over `cells` ``(M, 2)``.

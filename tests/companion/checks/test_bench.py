@@ -17,8 +17,8 @@ from trexton.companion.checks import bench, timing
 from trexton.companion.checks.bench import STAGES, Scene, measure
 from trexton.companion.checks.timing import Contest, interleave, table
 from trexton.companion.executor import limited_threads
+from trexton.companion.experiments.timing import stage_seconds
 from trexton.companion.provenance import machine
-from trexton.evaluation.runtime import StageTimer
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.localizer import Localizer
 from trexton.localization.particle_parts import MaximumAPosteriori
@@ -98,18 +98,22 @@ def test_yardstick_of_the_filter_finds_the_same_particle(rng):
 
 def test_stages_together_are_the_localizer(scene):
     """The clock steps the same parts with the same random numbers."""
-    clock = StageTimer(scene.map("paper"), rng=np.random.default_rng(1))
-    whole = Localizer(scene.map("paper"), rng=np.random.default_rng(1))
+    made = []
+
+    def localizer(**changes):
+        rng = np.random.default_rng(1)
+        made.append(Localizer(scene.map("paper"), rng=rng, **changes))
+        return made[-1]
+
+    seconds = stage_seconds(localizer, scene.views[:3])
+    whole = localizer()
     for frame in scene.views[:3]:
-        clock.step(frame)
         estimate = whole.step(frame)
-    assert np.array_equal(clock.localizer.filter.belief.states, estimate.particles)
-    assert {name: len(taken) for name, taken in clock.seconds.items()} == dict.fromkeys(
-        clock.seconds, 3
-    )
-    blind = StageTimer(scene.map("paper"), rng=np.random.default_rng(1))
-    blind.step(scene.map("paper").histograms[0])
-    assert list(blind.medians()) == ["neighbors", "filter", "estimate"]
+    assert np.array_equal(made[0].filter.belief.states, estimate.particles)
+    assert list(seconds) == ["histogram", "neighbors", "filter", "estimate"]
+    assert {len(taken) for taken in seconds.values()} == {3}
+    blind = stage_seconds(localizer, scene.map("paper").histograms[:1])
+    assert list(blind) == ["neighbors", "filter", "estimate"]
 
 
 def test_the_command_writes_rows_as_json(scene, hurried, tmp_path, monkeypatch, capsys):

@@ -93,7 +93,8 @@ def replayed_errors(texton_map: TextonMap, **how: Any) -> np.ndarray:
     """``(N, 2)`` metres by which left-out stretches of the training flight are misplaced, those
     frames apart in which the filter settles; for `how` see `replay`.
     """
-    return np.array([one.error for one in replay(texton_map, **how)])
+    flown = replay(texton_map, **how)
+    return np.array([estimate.position - truth for truth, estimate in flown])
 
 
 class Bench:

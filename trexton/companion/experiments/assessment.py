@@ -43,10 +43,10 @@ from trexton.companion.wording import middle
 from trexton.evaluation.metrics import (
     constant_guess,
     euclidean,
+    of_frames,
     shuffled_neighbors,
     summarize,
 )
-from trexton.evaluation.runtime import of_frames
 from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer

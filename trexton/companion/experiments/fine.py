@@ -25,8 +25,13 @@ from trexton.companion.experiments.kidnapping import recovered_after
 from trexton.companion.experiments.mosaic import stitched_map
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import HELD
-from trexton.evaluation.metrics import euclidean, mean_over_groups, mean_with_interval, success_rate
-from trexton.evaluation.runtime import of_frames
+from trexton.evaluation.metrics import (
+    euclidean,
+    mean_over_groups,
+    mean_with_interval,
+    of_frames,
+    success_rate,
+)
 from trexton.flights.flight import Flight
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import Trust, learn_trust

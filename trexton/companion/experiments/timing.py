@@ -4,6 +4,7 @@ Discussion).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -23,7 +24,7 @@ from trexton.companion.experiments.track import fly
 from trexton.companion.provenance import machine
 from trexton.companion.wording import number, percent
 from trexton.companion.wording import times as so_often
-from trexton.evaluation.runtime import STAGES, StageTimer, frequency, milliseconds
+from trexton.evaluation.metrics import frequency, milliseconds
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
 from trexton.registration.homography import HomographyLocalizer
@@ -52,29 +53,23 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     texton_map, frames = map_of(train, parameters), frames_of(test)
     options: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
 
-    def localizer(kind: type[Any] = Localizer, **changes: Any) -> Any:
-        return kind(texton_map, rng=stream(parameters.seed, "flight", 0), **options | changes)
+    def localizer(**changes: Any) -> Localizer:
+        return Localizer(texton_map, rng=stream(parameters.seed, "flight", 0), **options | changes)
 
     timings: dict[str, Any] = {"machine": machine()}
-    totals, clocks = [], []
+    totals, stages = [], []
     with limited_threads(1):
         fly(localizer(), frames[:2])  # whatever the first calls load
         for _ in progress(range(parameters.passes), "timing the flight"):
             totals.append(fly(localizer(), frames).step_s)
-            clocks.append(localizer(StageTimer))
-            for frame in frames:
-                clocks[-1].step(frame)
+            stages.append(stage_seconds(localizer, frames))
         if test.has_images:
             step_s = fly(localizer(samples=None), frames[: parameters.full_frames]).step_s
             timings["full_sampling_ms"] = _distribution(step_s)
             timings["full_sampling_hz"] = frequency(milliseconds([step_s]))
     total_s = np.median(totals, axis=0)
-    stages_s = {
-        name: np.median([clock.seconds[name] for clock in clocks], axis=0)
-        for name in STAGES
-        if clocks[0].seconds[name]
-    }
-    rest_s = np.sum([stages_s[name] for name in STAGES if name != "histogram"], axis=0)
+    stages_s = {name: np.median([each[name] for each in stages], axis=0) for name in stages[0]}
+    rest_s = np.sum([stages_s[name] for name in stages_s if name != "histogram"], axis=0)
     timings |= {
         "total_ms": _distribution(total_s),
         "frequency_hz": frequency(milliseconds([total_s])),
@@ -97,6 +92,24 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         },
         timings=timings,
     )  # fmt: skip
+
+
+def stage_seconds(localizer: Callable[..., Localizer], frames: Any) -> dict[str, np.ndarray]:
+    """Of each stage of a localizer that ran, in the order of `step`, what every frame took."""
+    seconds: dict[str, list[float]] = {}
+    last = 0.0
+
+    def mark(stage: str) -> None:
+        nonlocal last
+        now = perf_counter()
+        seconds.setdefault(stage, []).append(now - last)
+        last = now
+
+    timed = localizer(mark=mark)
+    for frame in frames:
+        last = perf_counter()
+        timed.step(frame)
+    return {name: np.array(taken) for name, taken in seconds.items()}
 
 
 def _distribution(seconds: np.ndarray) -> dict[str, Any]:
