@@ -16,8 +16,6 @@ from typing import Any, TypeVar
 from trexton.base.errors import ParameterError
 from trexton.base.options import Option, Options
 
-__all__ = ["add_assignments", "add_option", "add_options", "assignments", "chosen_options"]
-
 T = TypeVar("T", bound=Options)
 _METAVARS: dict[type, str] = {int: "N", float: "X"}
 

@@ -15,8 +15,6 @@ import numpy as np
 
 from trexton.base.errors import DataError
 
-__all__ = ["DAMAGE", "read_arrays"]
-
 MOST_BYTES = 2**32
 MOST_ARRAYS = 1000  # a map of every part has fewer than a hundred
 # What a damaged file makes NumPy, zip and JSON raise.

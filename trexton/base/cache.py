@@ -20,8 +20,6 @@ from trexton.base.files import atomic_file, digest
 from trexton.base.progress import say
 from trexton.base.records import software_versions
 
-__all__ = ["cache_folder", "cached", "code_hashes", "repository_root", "shipped"]
-
 _PACKAGE = Path(__file__).resolve().parent.parent
 CONTENTS = "contents"  # of a file of the cache: its hash
 _ADDRESS = re.compile(r"trexton(\.\w+)+:\w+")

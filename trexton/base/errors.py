@@ -1,8 +1,6 @@
 """One error family: a message says what was found, what was expected, and what to do. Offers
 `TrextonError` and one class for each kind of thing that can be wrong."""
 
-__all__ = ["TrextonError", "FlightError", "ImageError", "MapError", "ParameterError", "DataError"]
-
 
 class TrextonError(Exception):
     """Base of every error this package raises on purpose."""

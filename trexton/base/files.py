@@ -19,12 +19,6 @@ import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError, TrextonError
 
-__all__ = [
-    "atomic_file", "atomic_folder", "canonical_json", "check_not_read", "check_replaceable",
-    "check_writable", "clean_leftovers", "digest", "naming", "put_in_place",
-    "read_bytes", "read_text", "scratch_folder", "work_folder",
-]  # fmt: skip
-
 LARGEST = 2**30  # bytes of a text: more is a mistake, or meant to fill the memory
 
 

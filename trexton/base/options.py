@@ -25,8 +25,6 @@ import numpy as np
 
 from trexton.base.errors import ParameterError
 
-__all__ = ["Option", "Options", "number", "option", "whole"]
-
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
 _ANSWERS = {"yes": True, "no": False}

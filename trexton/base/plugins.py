@@ -17,8 +17,6 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 
-__all__ = ["PLUGINS", "addresses", "import_plugins", "is_there", "resolve"]
-
 PLUGINS = "TREXTON_PLUGINS"  # environment variable: modules to import first, with commas between
 
 

@@ -7,8 +7,6 @@ import sys
 from collections.abc import Iterable, Iterator
 from typing import Any, TextIO, TypeVar
 
-__all__ = ["Shown", "is_quiet", "progress", "say", "set_quiet", "shown"]
-
 T = TypeVar("T")
 _quiet = False
 

@@ -25,8 +25,6 @@ from trexton.base.arrays import DAMAGE
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
 
-__all__ = ["Record", "plain", "read_content", "software_versions"]
-
 SCHEMA = 2
 SECTIONS = ("parameters", "values", "series", "timings", "provenance")
 _PACKAGES = ("trexton", "numpy", "scipy", "numba", "opencv-python-headless", "matplotlib", "pandas")

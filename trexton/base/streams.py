@@ -10,8 +10,6 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.options import whole
 
-__all__ = ["MOST_SEED", "generator", "stream"]
-
 MOST_SEED = 2**32 - 1
 
 

@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike
 from trexton.base.errors import MapError
 from trexton.base.options import Options
 
-__all__ = ["Area", "Part", "learned"]
-
 Area = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in metres
 
 

@@ -9,8 +9,6 @@ import numpy as np
 
 from trexton.localization.neighbors import Neighbors
 
-__all__ = ["LOST_SHARE", "Estimate", "Measurement", "ignorance"]
-
 # A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by
 # the kidnapping experiment, which shows what other shares would miss and what they would refuse.
 LOST_SHARE = 0.5

@@ -31,8 +31,6 @@ from trexton.localization.particle_parts import (
 )
 from trexton.localization.texton_map import TextonMap
 
-__all__ = ["Filter", "ParticleFilter", "Particles", "RunningFilter"]
-
 # Below this the plain weights would all be zero in double precision: no particle explains the
 # measurement.
 _VANISHED = np.log(np.finfo(float).tiny)

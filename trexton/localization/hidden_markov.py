@@ -23,8 +23,6 @@ from trexton.localization.observation import Observation
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training_set import EXCLUDED_SECONDS, Training
 
-__all__ = ["HiddenMarkov"]
-
 MAX_STATES = 1200  # of longer flights every n-th frame is a state
 FOLDS = 5  # stretches of the training flight that are left out to choose the settings
 SCALES = (0.2, 0.35, 0.6, 1.0, 1.6)  # of the emission, over the median distance of neighbours

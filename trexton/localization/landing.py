@@ -12,8 +12,6 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import number, whole
 from trexton.localization.estimate import Estimate
 
-__all__ = ["LandingZone", "TouchdownZone"]
-
 GUST = 0.14  # metres: standard deviation along an axis of what is in no velocity
 CONFIDENCE, LEAST = 0.9, 0.8  # chance of a touchdown inside: asked for at first, and at last
 LATER_S = 0.25  # after so many seconds the chance must not be better than now

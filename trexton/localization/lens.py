@@ -9,8 +9,6 @@ from trexton.base.errors import FlightError, MapError
 from trexton.flights.flight import Flight
 from trexton.vision.camera import Camera
 
-__all__ = ["camera_of", "check_lens", "flight_camera", "learned_lens", "lens_of"]
-
 _FOCAL = 0.8  # image widths, where the camera is not known
 _LONGEST = 100.0  # widths: a longer focal length is none, and a pixel so far off never found
 

@@ -21,8 +21,6 @@ from trexton.localization.texton_map import TextonMap
 from trexton.vision.camera import Rectification
 from trexton.vision.textons import TextonDictionary
 
-__all__ = ["check_map", "from_arrays", "load_map", "save_map", "to_arrays"]
-
 SCHEMA = 2
 
 

@@ -17,8 +17,6 @@ from trexton.localization.neighbors import Distance
 from trexton.localization.observation import Observation
 from trexton.localization.training_set import EXCLUDED_SECONDS, Training
 
-__all__ = ["MeasurementModel", "RankMixture", "rank_covariances"]
-
 _FLOOR_VARIANCE = 1e-4  # square metres: keeps a covariance of identical deviations invertible
 
 

@@ -15,11 +15,6 @@ from trexton.base.errors import ParameterError
 from trexton.base.plugins import addresses, resolve
 from trexton.localization.base import Part
 
-__all__ = [
-    "METHODS", "ROLES", "changed", "compose", "fitting", "make", "name_of", "parse_choices",
-    "part_class",
-]  # fmt: skip
-
 # role: {name: where the class is}. Loaded when asked for, so that a heavy part costs nothing where
 # it does not fly.
 ROLES: dict[str, dict[str, str]] = {

@@ -15,8 +15,6 @@ from trexton.base.options import option
 from trexton.localization.base import Area, Part, learned
 from trexton.localization.training_set import Training
 
-__all__ = ["MotionModel", "RandomWalk", "process_covariance", "uniform_places"]
-
 # Pairs of particles whose densities are held at once: they stay in the processor's cache.
 _PAIRS = 2**16
 _MINUS_HALF = np.array([-0.5, -0.5])

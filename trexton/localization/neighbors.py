@@ -15,11 +15,6 @@ from trexton.base.errors import MapError, ParameterError
 from trexton.base.progress import progress
 from trexton.localization.base import Part
 
-__all__ = [
-    "ChiSquare", "Distance", "Euclidean", "Hellinger", "NearestHistograms", "Neighbors",
-    "neighbors_in_flight",
-]  # fmt: skip
-
 _ROUNDING = 1e-12  # more than a sum of 256 products can be off
 
 

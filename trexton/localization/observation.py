@@ -12,8 +12,6 @@ from trexton.base.errors import MapError
 from trexton.flights.aiding import Aiding
 from trexton.localization.neighbors import Neighbors
 
-__all__ = ["Observation"]
-
 
 class Observation:
     """One frame; its histogram and neighbours are computed on first use and kept.

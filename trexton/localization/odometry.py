@@ -22,8 +22,6 @@ from trexton.localization.lens import camera_of, check_lens, learned_lens
 from trexton.localization.training_set import Training
 from trexton.vision.visual_odometry import VisualOdometry
 
-__all__ = ["Odometry", "RunningVisual", "Visual"]
-
 SIGMA_FLOOR = 0.1  # m/s along an axis; attitude errors in flight allow no less
 WIDTH = 160  # pixels of a downscaled frame, about; smaller frames stay as they are
 MAX_INTERVAL_S = 0.5  # between two frames; beyond, they hardly overlap

@@ -16,11 +16,6 @@ from trexton.base.options import option
 from trexton.localization.base import Area, Part
 from trexton.localization.motion import MotionModel
 
-__all__ = [
-    "Augmented", "Belief", "Estimation", "HighestWeight", "MaximumAPosteriori", "NoRecovery",
-    "Recovery", "Resampling", "Systematic", "WeightedMean", "Wheel",
-]  # fmt: skip
-
 
 @dataclass(eq=False)
 class Resampling(Part):

@@ -15,8 +15,6 @@ from trexton.flights.flight import Flight
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import full_histograms, with_parts
 
-__all__ = ["renewed"]
-
 KEPT = ("appearance", "odometry")  # roles that learned of the camera, not of the floor
 APART_S = 0.5  # between frames that are compared; nearer ones show nearly the same
 USUAL_SHARE = 0.95  # of frames of one place that differ by less than what contradicts

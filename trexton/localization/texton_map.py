@@ -18,8 +18,6 @@ from trexton.localization.neighbors import Distance, Hellinger
 from trexton.vision.camera import Rectification
 from trexton.vision.textons import TextonDictionary
 
-__all__ = ["TextonMap"]
-
 
 @dataclass(frozen=True, eq=False)
 class TextonMap:

@@ -26,10 +26,6 @@ from trexton.vision.histograms import texton_counts
 from trexton.vision.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
 from trexton.vision.threads import ahead
 
-__all__ = [
-    "for_method", "full_histograms", "train_map", "training_set", "with_choices", "with_parts",
-]  # fmt: skip
-
 KEPT_FROM = 250  # frames; shorter flights are counted in a second or two
 _PARTS = 2  # a side: images are counted in quarters, whose sum serves methods that take the whole
 

@@ -17,8 +17,6 @@ from trexton.localization.neighbors import (
 )
 from trexton.vision.textons import TextonDictionary
 
-__all__ = ["EXCLUDED_SECONDS", "Training"]
-
 # Frames closer in time than this see nearly the same floor: as neighbours they would flatter the
 # map. With half a second the k-NN errs on the training flight about as much as on a fresh flight of
 # the virtual room.

@@ -25,8 +25,6 @@ from trexton.onboard.sinks.files import JsonLines
 from trexton.onboard.sources import open_source
 from trexton.onboard.tally import Tally
 
-__all__ = ["build"]
-
 
 def build(settings: Settings) -> Onboard:
     """The loop that the settings describe.

@@ -14,8 +14,6 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.base.plugins import addresses, is_there, resolve
 
-__all__ = ["Edge", "classes_of_options", "edge_at", "edge_classes"]
-
 _OWN = re.compile(r"([A-Za-z_][\w.]*:[A-Za-z_]\w*)(?::(.*))?", re.S)  # module:Class[:REST]
 
 

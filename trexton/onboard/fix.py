@@ -11,8 +11,6 @@ import numpy as np
 
 from trexton.localization.estimate import Estimate, Measurement
 
-__all__ = ["STALE_AFTER", "Continuity", "Fix", "LocalFrame", "decoupled", "largest_deviation"]
-
 STALE_AFTER = 0.5  # seconds since the capture of the latest frame that could be used
 
 # Squared Mahalanobis distance, two dimensions: one honest pair of reports in 3000 is farther apart.

@@ -15,8 +15,6 @@ from trexton.onboard.sinks import Guard
 from trexton.onboard.sources import CameraLost, Frame, Source
 from trexton.onboard.tally import Tally, say
 
-__all__ = ["AIDS", "Aids", "Grabber", "Inspector"]
-
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0  # seconds before a source is opened again
 SAMPLE_STRIDE = 8  # one pixel in 64 tells black from white and one frame from the next
 BLACK_LEVEL, WHITE_LEVEL = 12, 243  # grey levels, of 255

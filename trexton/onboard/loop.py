@@ -22,8 +22,6 @@ from trexton.onboard.sources import Frame, Source
 from trexton.onboard.status import Status
 from trexton.onboard.tally import Tally, flush, say
 
-__all__ = ["CAUSES", "Onboard"]
-
 CLOCK_TOLERANCE = 0.5  # seconds a stamp may lie in the future
 MAX_FRAME_AGE = 60.0  # seconds: an older stamp is of another clock, a younger one of an old frame
 MIN_STAMP_STEP = 1e-3  # seconds

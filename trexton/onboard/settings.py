@@ -17,10 +17,6 @@ from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.onboard.fix import LocalFrame
 from trexton.onboard.intake import AIDS
 
-__all__ = [
-    "COMPONENT", "LONGEST_DELAY", "Flying", "Landing", "MapPlacement", "MavlinkOptions", "Settings",
-]  # fmt: skip
-
 KEY_BYTES = 32
 COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER: what we are on the vehicle's network
 ORIGIN_LIMITS = ((-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10_000.0))  # degrees, degrees, metres

@@ -15,8 +15,6 @@ from trexton.onboard.fix import Fix
 from trexton.onboard.sinks import Guard
 from trexton.onboard.tally import Tally
 
-__all__ = ["Status"]
-
 LATENCIES = 65536  # that are kept, the latest ones
 
 

@@ -17,8 +17,6 @@ from functools import cache
 
 from trexton.base.progress import is_quiet, shown
 
-__all__ = ["FAULTS", "Tally", "flush", "say"]
-
 # What each is, and what is done about it, stands in the book, on the page "On board".
 FAULTS = (
     "camera", "gap", "corrupt", "size", "dark", "bright", "frozen", "misfit", "velocity",

@@ -16,8 +16,6 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 
-__all__ = ["Link", "make_link"]
-
 MAX_PEERS = 4
 
 

@@ -17,8 +17,6 @@ from trexton.onboard.fix import LocalFrame
 from trexton.onboard.mavlink.messages import mavlink
 from trexton.onboard.settings import COMPONENT
 
-__all__ = ["Listener"]
-
 HEARTBEAT_TIMEOUT = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
 MAX_STATE_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
 BOOT_CLOCK_STEP_MS = 2000  # milliseconds that messages of one clock never overtake each other by

@@ -14,8 +14,6 @@ from trexton.onboard.fix import STALE_AFTER, Fix
 from trexton.onboard.mavlink.listener import Listener
 from trexton.onboard.mavlink.messages import Profile, Report, mavlink
 
-__all__ = ["Speaker"]
-
 REQUEST_PAUSE = 2.0
 ORIGIN_PAUSE, LATER_ORIGIN_PAUSE = 1.0, 10.0
 ORIGIN_ATTEMPTS = 10  # after which it is asked less often

@@ -24,8 +24,6 @@ from trexton.onboard.edges import Edge, edge_at
 from trexton.onboard.fix import Fix, LocalFrame
 from trexton.onboard.tally import Tally, say
 
-__all__ = ["Check", "Guard", "SINKS", "Sink", "Surroundings", "extra", "open_sink"]
-
 # kind: module and class; several kinds may share one
 SINKS = {
     "json": "trexton.onboard.sinks.files:JsonLines",

@@ -15,8 +15,6 @@ from trexton.base.options import Options
 from trexton.onboard.fix import Fix, LocalFrame, largest_deviation
 from trexton.onboard.sinks import Sink, Surroundings, extra
 
-__all__ = ["CrazyflieSink"]
-
 FLOAT = 0x06  # of a parameter, as the protocol numbers types
 DEVIATION = "locSrv.extPosStdDev"  # metres; as delivered 0.01, which no position here deserves
 Item = tuple[list[float], float]  # a place, and its deviation

@@ -21,8 +21,6 @@ from trexton.base.records import plain
 from trexton.onboard.fix import Fix
 from trexton.onboard.sinks import Sink, Surroundings
 
-__all__ = ["CsvTable", "FileSink", "JsonLines", "TumTrajectory", "row"]
-
 COLUMNS = (
     "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m",
     "observed", "lost", "stale", "resets", "latency_s", "fault", "heading_rad", "heading_std_rad",

@@ -20,8 +20,6 @@ from trexton.onboard.tally import Tally
 if TYPE_CHECKING:
     from trexton.onboard.mavlink.speaker import Speaker
 
-__all__ = ["MavlinkSink"]
-
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 5.0
 WAIT = 0.005  # seconds that a position may wait for the wire; its stamp does not change
 MIN_MESSAGE_BYTES = 8  # bytes; what the parser waits for before it knows more

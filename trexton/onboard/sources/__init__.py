@@ -21,8 +21,6 @@ from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge, edge_at, edge_classes
 from trexton.vision.camera import Rectification
 
-__all__ = ["CameraLost", "Frame", "Playback", "SOURCES", "Shape", "Source", "open_source"]
-
 # kind: module and class, in the order in which they are asked
 SOURCES = {
     "flight": "trexton.onboard.sources.recorded:FlightSource",

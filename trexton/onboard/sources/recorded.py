@@ -11,8 +11,6 @@ from trexton.base.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight
 from trexton.onboard.sources import Frame, Playback, Shape, Source
 
-__all__ = ["FlightSource"]
-
 
 def _parted(address: str) -> tuple[str, str | None]:
     """Folder and part of an address; a folder may have a # in its own name."""

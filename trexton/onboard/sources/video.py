@@ -17,8 +17,6 @@ from trexton.base.options import Options
 from trexton.onboard.sources import CameraLost, Frame, Shape, Source
 from trexton.vision.images import check_capture, decode_image, yuv_from_bgr
 
-__all__ = ["StreamSource"]
-
 Capture = Callable[..., Any]
 JPEG = b"\xff\xd8"
 _CAMERA = re.compile(r"/dev/video\d+")
