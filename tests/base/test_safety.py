@@ -122,8 +122,6 @@ def test_a_full_disk_is_one_sentence_and_the_old_stays(words, tmp_path, shared_d
     [
         "export room tum --out room/frames.csv",
         "train room -o room/flight.toml",
-        "play room --map map.npz --out map.npz",
-        "play room --map map.npz --out room/frames.csv",
     ],
 )
 def test_no_command_writes_over_what_it_reads(words, tmp_path, monkeypatch, capsys):
@@ -139,8 +137,6 @@ def test_no_command_writes_over_what_it_reads(words, tmp_path, monkeypatch, caps
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ("play room --map map.npz --out taken", "taken: is a folder"),
-        ("play room --map map.npz --out file/page.html", "file is no folder"),
         ("train room -o taken", "taken: is a folder"),
         ("suitability moved:3 --out file/maps", "file is no folder"),
     ],
