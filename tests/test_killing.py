@@ -40,8 +40,8 @@ def test_killed_at_random_moments_it_loses_nothing_and_the_next_run_finishes(nam
 def test_a_command_that_writes_in_place_is_found_out(tmp_path):
     code = (
         "import sys; from pathlib import Path; import killing\n"
-        "from trexton.flights import exporters\n"
-        "exporters.atomic_file = lambda path, mode='w': open(path, mode)\n"
+        "from trexton.cli import export\n"
+        "export.atomic_file = lambda path, mode='w': open(path, mode)\n"
         "print(killing.kill('export', Path(sys.argv[1]), 20, steps=True))"
     )
     command = [sys.executable, "-c", code, str(tmp_path)]

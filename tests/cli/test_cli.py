@@ -95,21 +95,6 @@ def test_version_and_help_load_none_of_the_heavy_packages():
     assert shown.stdout == f"trexton {__version__}\n"
 
 
-@pytest.mark.parametrize("closed", [(2,), (0, 2)])
-def test_no_file_takes_the_place_of_a_stream_that_was_closed(closed):
-    """What libraries write to standard error would be written into it."""
-    code = (
-        "import os, trexton.cli.check as check\nfrom trexton.cli import main as cli\n"
-        "def opens(arguments):\n"
-        "    print(os.open(os.devnull, os.O_RDONLY) > 2)\n"
-        "    raise OSError('unsaid')\n"
-        "check.run = opens\nraise SystemExit(cli.main())"
-    )
-    close = lambda: [os.close(number) for number in closed]  # noqa: E731
-    told = run(["check", "flight"], code, preexec_fn=close)
-    assert (told.returncode, told.stdout) == (1, "True\n")
-
-
 def test_an_interrupt_and_a_closed_pipe_leave_no_traceback(flight_folder):
     code = (
         "from trexton.cli import main as cli\nimport trexton.cli.check as check\n"

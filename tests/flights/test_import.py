@@ -11,7 +11,7 @@ from trexton.base.errors import ParameterError, TrextonError
 from trexton.flights import importing, read_flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers import IMPORTERS, describe, guess_kind, importer
-from trexton.flights.importers.recording import PoseTrack
+from trexton.flights.importers.recording import PoseTrack, local_metres
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
 
@@ -373,3 +373,12 @@ def test_stamps_in_milliseconds_since_1970_are_named_with_the_unit_that_they_hav
     flight, _ = import_flight(tmp_path / "t.csv", tmp_path / "out", settings=settings)
     assert flight.time.tolist() == [0, 0.08, 0.16]
     assert flight.notes[0] == "time zero is stamp 1714550400000000000 ns of the source"
+
+
+def test_degrees_become_metres():
+    latitude = np.array([41.2101, 41.2134, 41.2118])
+    longitude = np.array([-82.9312, -82.9265, -82.9301])
+    place, origin = local_metres(latitude, longitude)
+    # A degree of latitude is some 111 km, of longitude less by the cosine.
+    np.testing.assert_allclose(place[1] - place[0], (394, 366.5), rtol=3e-3)
+    assert (place > -1e-6).all() and origin == (latitude.min(), longitude.min())

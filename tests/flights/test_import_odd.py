@@ -203,18 +203,21 @@ def test_images_of_a_bag_that_are_too_large_are_refused(tmp_path, monkeypatch, b
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("container", "packed"), [("MCAP", "STORAGE"), ("SQLITE3", "MESSAGE"), ("SQLITE3", "FILE")]
-)
+@pytest.mark.parametrize(("container", "packed"), [("MCAP", "STORAGE"), ("SQLITE3", "MESSAGE")])
 def test_a_packed_bag_is_read_but_not_one_that_unpacks_to_gigabytes(
     tmp_path, monkeypatch, container, packed
 ):
     write_bag(tmp_path / "bag", container, packed)
     assert len(import_flight(tmp_path / "bag", tmp_path / "out")[0]) == 5
-    for bound in ("MOST_BYTES", "MOST_TIMES"):
-        monkeypatch.setattr(f"trexton.flights.importers.bag.{bound}", 1)
+    monkeypatch.setattr("trexton.flights.importers.bag.MOST_BYTES", 1)
     with pytest.raises(TrextonError, match="would unpack to more than"):
         import_flight(tmp_path / "bag", tmp_path / "other")
+
+
+def test_a_bag_that_is_packed_as_a_file_is_to_be_converted(tmp_path):
+    write_bag(tmp_path / "bag", "SQLITE3", "FILE")
+    with pytest.raises(TrextonError, match="packed as a whole file: convert it"):
+        import_flight(tmp_path / "bag", tmp_path / "out")
 
 
 def test_a_video_that_declares_too_much_is_refused_before_a_frame_is_made(tmp_path, monkeypatch):

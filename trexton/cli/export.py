@@ -5,26 +5,45 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from trexton.base.files import check_not_read
-from trexton.base.progress import say
+import numpy as np
 
-__all__ = ["add_arguments", "run"]
+from trexton.base.files import atomic_file, check_not_read
+from trexton.base.progress import say
+from trexton.flights.flight import Flight
+
+__all__ = ["add_arguments", "run", "write_tum"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.flights.exporters import EXPORTERS
-
     parser.add_argument("flight", metavar="FLIGHT", help="the folder that holds flight.toml")
-    parser.add_argument("kind", help=f"{', '.join(EXPORTERS)}, or module:function")
+    parser.add_argument("kind", choices=["tum"], help="the format")
     parser.add_argument("--out", required=True, metavar="FILE", help="file to write")
 
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.flights import read_flight
-    from trexton.flights.exporters import export
 
     check_not_read(arguments.out, arguments.flight)
     flight = read_flight(arguments.flight)
-    path = export(flight, arguments.kind, Path(arguments.out))
+    path = write_tum(flight, Path(arguments.out))
     say(f"{path}: {flight.located.sum()} positions of {flight.name}")
     return 0
+
+
+def write_tum(flight: Flight, path: Path) -> Path:
+    """Write the located frames, whole or not at all: ``stamp x y z qx qy qz qw``, seconds and
+    metres, as evo reads it; the quaternion turns a vehicle whose x points forward (REP 103). What
+    is not known of z and yaw is 0.
+    """
+    flight = flight.select(flight.located)
+    height = np.zeros(len(flight)) if flight.height is None else flight.height
+    yaw = np.zeros(len(flight)) if flight.attitude is None else flight.attitude[:, 2]
+    # A vehicle of yaw 0 flies along y (`trexton.vision.camera`).
+    half = (np.nan_to_num(yaw) + np.pi / 2) / 2
+    columns = [
+        flight.time, flight.position, np.nan_to_num(height), np.zeros((len(flight), 2)),
+        np.sin(half), np.cos(half),
+    ]  # fmt: skip
+    with atomic_file(path) as stream:
+        np.savetxt(stream, np.column_stack(columns), fmt="%.9f")
+    return path

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import signal
 import sys
 import threading
@@ -87,7 +86,6 @@ def main(argv: list[str] | None = None) -> int:
 
     A fault is one sentence on standard error; a bug, ours or of a plugin, keeps its traceback.
     """
-    _open_standard_streams()
     argv = sys.argv[1:] if argv is None else argv
     chosen = next((word for word in argv if not word.startswith("-")), None)
     first = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
@@ -114,19 +112,6 @@ def main(argv: list[str] | None = None) -> int:
             words = "this is a bug, of trexton unless the last lines above are of your own module"
         print(shown(f"trexton {chosen}: {words}"), file=sys.stderr)
         return 1
-
-
-def _open_standard_streams() -> None:
-    """Where one was closed (``2>&-``), its number would go to the next file or socket, and what
-    OpenCV has to say on standard error would be written there.
-    """
-    for descriptor in (0, 1, 2):
-        try:
-            os.fstat(descriptor)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
-    if sys.stderr is None:  # else `print` would take standard output for it
-        sys.stderr = open(os.devnull, "w", encoding="utf-8")
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

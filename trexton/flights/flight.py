@@ -16,7 +16,7 @@ import numpy as np
 from trexton.base.errors import FlightError
 from trexton.base.files import digest
 from trexton.flights.aiding import Aiding
-from trexton.flights.frames import Frames, select_frames
+from trexton.flights.frames import ImageFiles
 from trexton.vision.camera import Camera, MapImage, Rectification
 from trexton.vision.images import read_picture
 
@@ -49,8 +49,8 @@ class Flight:
         Metres above the floor.
     attitude : (N, 3) array or None
         Roll, pitch, yaw in radians; see `trexton.vision.camera`.
-    frames : Frames or None
-        The images, read when asked for: files, a video, a bag.
+    frames : ImageFiles or None
+        The images, read when asked for.
     histograms : (N, K) float64 array or None
         Texton histograms where the source gives them, or values of other features.
     features : str
@@ -76,7 +76,7 @@ class Flight:
     area: tuple[float, float, float, float]
     height: np.ndarray | None = None
     attitude: np.ndarray | None = None
-    frames: Frames | None = None
+    frames: ImageFiles | None = None
     histograms: np.ndarray | None = None
     features: str = "textons"
     camera: Camera | None = None
@@ -96,10 +96,10 @@ class Flight:
             if key != "frames":
                 value = self._numbers(key, value)
                 object.__setattr__(self, key, value)
-            elif not hasattr(type(value), "digest"):  # of the type: to ask for it reads all images
+            elif not isinstance(value, ImageFiles):
                 raise FlightError(
                     f"flight {self.name!r} has {type(value).__name__} as frames: expected "
-                    "trexton.flights.frames.ImageFiles, or another of its Frames"
+                    "trexton.flights.frames.ImageFiles"
                 )
             if len(value) != len(self.frame):
                 raise FlightError(
@@ -187,7 +187,6 @@ class Flight:
                 "was recorded with images"
             )
         image = self.frames[index]
-        # The first that is read says the size: to look at row 0 would start a video anew.
         usual = self.__dict__.setdefault("_size", image.shape[1::-1])
         if image.shape[1::-1] != usual:
             raise FlightError(
@@ -217,7 +216,7 @@ class Flight:
             key: value[rows] for key in _PER_FRAME if (value := getattr(self, key)) is not None
         }
         if self.frames is not None:
-            changes["frames"] = select_frames(self.frames, rows)
+            changes["frames"] = self.frames.at(rows)
         return replace(self, name=name or self.name, **changes)
 
     def part_or_all(self, name: str) -> Flight:

@@ -8,27 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from trexton.base.errors import TrextonError
-from trexton.flights.flight import Flight
-from trexton.flights.repair import (
-    Doubt,
-    count_of,
-    scaled,
-    time_offset_doubts,
-    view_doubts,
-    without_positions,
+from trexton.flights.flight import Flight, area_around
+from trexton.flights.importers.axes import (
+    AXES,
+    TAKEN,
+    looks_away,
+    quaternions_from_attitude,
+    readings,
 )
 from trexton.flights.tracking import lost_rows, ranges
 from trexton.vision.camera import wrapped
 
-__all__ = ["warnings"]
+__all__ = ["Doubt", "count_of", "warnings"]
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
-SLOW = 3.0, 0.02  # seconds between frames and metres a second that hardly come together
 _SMALLER = (("millimetres", 1e-3), ("centimetres", 1e-2))
 _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("milliseconds", 1e-3, 0.0))
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
@@ -36,6 +35,55 @@ MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all picture
 FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
+TURNED = 0.5  # radians of yaw that other numbers would hardly look down over
+
+
+class Doubt(str):
+    """A sentence; `mend` does what it advises, where that can be done, and `done` says so."""
+
+    mend: Callable[[Flight], Flight] | None
+    done: str
+
+    def __new__(
+        cls, text: str, done: str = "", mend: Callable[[Flight], Flight] | None = None
+    ) -> Doubt:
+        made = super().__new__(cls, text)
+        made.mend, made.done = mend, done
+        return made
+
+
+def _scaled(factor: float, *columns: str) -> Callable[[Flight], Flight]:
+    """Multiplies columns, and the area with the positions where it is their own."""
+
+    def mend(flight: Flight) -> Flight:
+        changes: dict[str, Any] = {
+            name: factor * np.array(getattr(flight, name)) for name in columns
+        }
+        return replace(flight, **changes)
+
+    return mend
+
+
+def _without_positions(rows: np.ndarray) -> Callable[[Flight], Flight]:
+    """Leaves the positions of these rows empty, and the area without them where it was theirs."""
+
+    def mend(flight: Flight) -> Flight:
+        position = flight.position.copy()
+        position[rows] = np.nan
+        area, theirs = flight.area, np.array(area_around(flight.position))
+        if (np.abs(theirs - area) < 0.05 * flight.diagonal).all():  # it was drawn around them
+            area = area_around(position, 0.02, 0.01)
+        height = None if flight.height is None else flight.height.copy()
+        if height is not None:
+            height[rows] = np.nan
+        return replace(flight, position=position, height=height, area=area)
+
+    return mend
+
+
+def count_of(number: int, what: str) -> str:
+    """``3 frames``, ``1 frame``, ``no frames``."""
+    return f"{number or 'no'} {what}{'' if number == 1 else 's'}"
 
 
 def warnings(flight: Flight) -> list[Doubt]:
@@ -71,7 +119,7 @@ def _outside(flight: Flight) -> Iterator[str]:
             yield Doubt(
                 f"{found}, but inside when read as {unit}: write metres",
                 f"positions read as {unit}",
-                scaled(factor, "position"),
+                _scaled(factor, "position"),
             )
             return
     yield f"{found}: correct them, or widen area_m"
@@ -91,25 +139,22 @@ def _tracking(flight: Flight) -> Iterator[str]:
             f"{len(rows)} {what} {how} (frames {frames}): was tracking lost? leave x_m and y_m of "
             "these frames empty",
             f"{count_of(len(rows), 'position')} left empty, {how} (frames {frames})",
-            without_positions(rows),
+            _without_positions(rows),
         )
 
 
-def _median_speed(flight: Flight) -> float:
-    """Metres a second; NaN where too few places are known."""
-    rows = np.flatnonzero(flight.located)
-    steps = np.hypot(*np.diff(flight.position[rows], axis=0).T)
-    return float(np.median(steps / np.diff(flight.time[rows]))) if len(rows) > 2 else np.nan
-
-
 def _speed(flight: Flight) -> Iterator[str]:
-    if (speed := _median_speed(flight)) > MAX_MEDIAN_SPEED:
+    rows = np.flatnonzero(flight.located)
+    if len(rows) < 3:
+        return
+    steps = np.hypot(*np.diff(flight.position[rows], axis=0).T)
+    if (speed := float(np.median(steps / np.diff(flight.time[rows])))) > MAX_MEDIAN_SPEED:
         unit, factor = _SMALLER[speed <= 300]
         yield Doubt(
             f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "
             "write metres and seconds",
             f"positions and area read as {unit}",
-            scaled(factor, "position", "area"),
+            _scaled(factor, "position", "area"),
         )
 
 
@@ -130,7 +175,7 @@ def _heights(flight: Flight) -> Iterator[str]:
             f"{below.sum()} of {len(rows)} heights are negative (first: frame "
             f"{_first(flight, rows, below)}): does z point down? write metres above the floor",
             "heights turned, z pointed down",
-            scaled(-1.0, "height"),
+            _scaled(-1.0, "height"),
         )
     elif usual > max(MAX_HEIGHT_RATIO * flight.diagonal, 10):
         unit, factor = _SMALLER[usual <= 300]
@@ -138,7 +183,7 @@ def _heights(flight: Flight) -> Iterator[str]:
             f"the camera is {usual:.4g} m high in half of the frames, over an area of "
             f"{flight.diagonal:.3g} m from corner to corner: heights in {unit}? write metres",
             f"heights read as {unit}",
-            scaled(factor, "height"),
+            _scaled(factor, "height"),
         )
 
 
@@ -153,7 +198,7 @@ def _angles(flight: Flight) -> Iterator[str]:
             f"{far.sum()} of {len(rows)} attitudes hold an angle of up to {largest.max():.4g} rad "
             f"(first: frame {_first(flight, rows, far)}): degrees? write radians",
             "angles read as degrees",
-            scaled(np.pi / 180, "attitude"),
+            _scaled(np.pi / 180, "attitude"),
         )
         return
     gaps = np.diff(flight.time[rows])
@@ -162,6 +207,26 @@ def _angles(flight: Flight) -> Iterator[str]:
         rate = float(np.median(turned / gaps[gaps < SHORT_INTERVAL]))
         if rate > MAX_MEDIAN_TURN:
             yield f"the yaw turns at {rate:.3g} rad/s in half of the frames: degrees? write radians"
+
+
+def _view(flight: Flight) -> Iterator[str]:
+    """A camera that does not look down in half of the frames."""
+    if flight.attitude is None or not (doubt := looks_away(flight.attitude)):
+        return
+    # As the import that wrote them took them; else they are taken for what they should be.
+    noted = (note.removeprefix(TAKEN) for note in flight.notes if note.startswith(TAKEN))
+    taken = AXES.get(next(noted, ""), AXES["rfu"])
+    words, better = next(readings(quaternions_from_attitude(flight.attitude, taken)), ("", None))
+    if better is None:
+        yield doubt
+        return
+    # Of a vehicle that does not turn, another order of its numbers looks down by chance.
+    sure = "order" not in words or np.ptp(np.unwrap(better[np.isfinite(better[:, 2]), 2])) > TURNED
+    yield Doubt(
+        f"{doubt} ({words} would look down)",
+        f"attitudes read as of {words} (where the nose then points aside, import with --axes)",
+        (lambda flight: replace(flight, attitude=better)) if sure else None,
+    )
 
 
 def _extent(flight: Flight) -> Iterator[str]:
@@ -185,12 +250,7 @@ def _stamps(flight: Flight) -> Iterator[str]:
         yield Doubt(
             f"frames come {gap:.4g} s apart: stamps in {unit}? write seconds",
             f"stamps read as {unit}",
-            scaled(factor, "time"),
-        )
-    elif gap > SLOW[0] and 0 < (speed := _median_speed(flight)) < SLOW[1]:
-        yield (
-            f"frames come {gap:.3g} s apart and the vehicle moves at {speed:.2g} m/s in half of "
-            "them: stamps in milliseconds? write seconds"
+            _scaled(factor, "time"),
         )
     elif gap < 1e-4:
         yield f"frames come {gap:.2g} s apart: write stamps in seconds"
@@ -234,6 +294,6 @@ def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
 
 
 _CHECKS: tuple[Callable[[Flight], Iterator[str]], ...] = (
-    _outside, _tracking, _speed, _heights, _angles, view_doubts, time_offset_doubts, _extent,
+    _outside, _tracking, _speed, _heights, _angles, _view, _extent,
     _stamps, _splits, _floor,
 )  # fmt: skip

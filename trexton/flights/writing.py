@@ -13,15 +13,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from trexton.base.files import atomic_folder
 from trexton.flights.flight import Flight
 from trexton.flights.folder import ANGLES
-from trexton.flights.frames import Frames, ImageFiles
+from trexton.flights.frames import ImageFiles
 from trexton.flights.header import FORMAT
-from trexton.vision.images import bgr_from_yuv
 
 __all__ = ["write_flight", "write_tables"]
 
@@ -35,12 +33,8 @@ def write_flight(flight: Flight, path: str | os.PathLike[str], replace: bool = F
     with atomic_folder(path, replace) as folder:
         if (frames := flight.frames) is not None:
             (folder / "images").mkdir()
-            for row, name in enumerate(_image_names(frames)):
-                image = folder / "images" / name
-                if isinstance(frames, ImageFiles):
-                    shutil.copyfile(frames.files[row], image)
-                else:
-                    image.write_bytes(cv2.imencode(".png", bgr_from_yuv(frames[row]))[1].tobytes())
+            for file, name in zip(frames.files, _image_names(frames), strict=True):
+                shutil.copyfile(file, folder / "images" / name)
         if flight.floor_file is not None:
             shutil.copyfile(flight.floor_file, folder / flight.floor_file.name)
         write_tables(flight, folder)
@@ -64,14 +58,12 @@ def write_tables(flight: Flight, folder: Path) -> None:
         _write_csv(folder / "histograms.csv", {"frame": flight.frame, **textons})
 
 
-def _image_names(frames: Frames) -> list[str]:
-    if isinstance(frames, ImageFiles):
-        names = [file.name for file in frames.files]
-        if len(set(names)) == len(set(frames.files)):
-            return names
-        # Two folders hold files of one name: the second would replace the first.
-        return [f"{row:06d}{file.suffix}" for row, file in enumerate(frames.files)]
-    return [f"{row:06d}.png" for row in range(len(frames))]
+def _image_names(frames: ImageFiles) -> list[str]:
+    names = [file.name for file in frames.files]
+    if len(set(names)) == len(set(frames.files)):
+        return names
+    # Two folders hold files of one name: the second would replace the first.
+    return [f"{row:06d}{file.suffix}" for row, file in enumerate(frames.files)]
 
 
 def _write_csv(path: Path, columns: dict[str, Any]) -> None:

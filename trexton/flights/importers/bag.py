@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
-from typing import IO, Any
+from typing import Any, NoReturn
 
 import cv2
 import numpy as np
@@ -26,7 +25,6 @@ from trexton.vision.images import MOST_PIXELS, decode
 __all__ = ["Settings", "read", "recognises"]
 
 MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacked
-MOST_TIMES = 200  # what a packed bag becomes
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 # where the pose of each kind of message is
 POSES = {
@@ -97,7 +95,12 @@ def read(source: Path, settings: Settings) -> Recording:
     return Recording(
         shot[:, clock],
         track,
-        BagFrames(bag, images, len(shot)),
+        Forward(
+            bag.source,
+            np.arange(len(shot)),
+            partial(bag.messages, images),
+            partial(_decoded, f"{bag.source}: an image of {images}"),
+        ),
         source=f"bag {source.name}: {images}, {poses}",
         said=said + taken,
     )
@@ -171,8 +174,7 @@ def _bound_unpacking() -> None:
     zstd = _bounded(mcap["zstd"].ZstdDecompressor)
     first["decompressors"].update(bz2=bz2, lz4=lz4)
     mcap["DECOMPRESSORS"].update(lz4=lz4, zstd=zstd)
-    unpack = partial(_BoundedFile, mcap["zstd"].open)
-    second["zstd"] = SimpleNamespace(decompress=zstd, open=unpack)
+    second["zstd"] = SimpleNamespace(decompress=zstd, open=_refuse_file)
 
 
 def _bounded(kind: Callable[[], Any]) -> Callable[..., bytes]:
@@ -186,23 +188,8 @@ def _bounded(kind: Callable[[], Any]) -> Callable[..., bytes]:
     return unpack
 
 
-class _BoundedFile(closing[Any]):
-    """A packed bag as its reader unpacks it to the disk: no more than `MOST_TIMES` its size."""
-
-    def __init__(self, unpack: Callable[..., Any], packed: IO[bytes], mode: str):
-        self._stream = unpack(packed, mode)
-        self._left = MOST_TIMES * os.fstat(packed.fileno()).st_size
-        super().__init__(self)
-
-    def read(self, size: int) -> bytes:
-        data: bytes = self._stream.read(size)
-        self._left -= len(data)
-        if self._left < 0:
-            raise ValueError(f"it would unpack to more than {MOST_TIMES} times its size")
-        return data
-
-    def close(self) -> None:
-        self._stream.close()
+def _refuse_file(*_: Any) -> NoReturn:
+    raise ValueError("packed as a whole file: convert it to MCAP with ros2 bag convert")
 
 
 def _pose(message: Any) -> list[float]:
@@ -217,38 +204,29 @@ def _pose(message: Any) -> list[float]:
     return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
 
 
-class BagFrames(Forward):
-    """The images of one topic."""
-
-    def __init__(self, bag: _Bag, topic: str, count: int):
-        super().__init__(bag.source, count)
-        self._bag, self._topic = bag, topic
-
-    def items(self) -> Iterator[Any]:
-        return (message for *_, message in self._bag.messages(self._topic))
-
-    def decoded(self, item: Any) -> np.ndarray:
-        where = f"{self._bag.source}: an image of {self._topic}"
-        if hasattr(item, "format"):
-            image = decode(bytes(item.data))
-            if image is None:
-                raise FlightError(f"{where} cannot be decoded (format {item.format!r})")
-            return image
-        if item.encoding.lower() not in _ENCODINGS:
-            known = ", ".join(_ENCODINGS)
-            raise FlightError(f"{where} is encoded as {item.encoding!r}: expected {known}")
-        kind, channels, conversion = _ENCODINGS[item.encoding.lower()]
-        kind = (">" if item.is_bigendian else "<") + kind
-        rows, columns, step = int(item.height), int(item.width), int(item.step)
-        if rows * columns > MOST_PIXELS:
-            raise FlightError(
-                f"{where} declares {columns}x{rows} pixels: expected at most {MOST_PIXELS:,}"
-            )
-        width = columns * channels * np.dtype(kind).itemsize
-        if len(item.data) < rows * step or step < width:
-            raise FlightError(f"{where} is shorter than its {columns}x{rows} pixels")
-        lines = np.asarray(item.data, np.uint8)[: rows * step].reshape(rows, step)
-        pixels = np.ascontiguousarray(lines[:, :width]).view(kind).reshape(rows, columns, channels)
-        if pixels.dtype.itemsize == 2:
-            pixels = (pixels // 257).astype(np.uint8)
-        return pixels if conversion is None else cv2.cvtColor(pixels, conversion)
+def _decoded(where: str, message: tuple[int, int, Any]) -> np.ndarray:
+    """``(H, W, 3) uint8`` BGR of a message of an image."""
+    *_, item = message
+    if hasattr(item, "format"):
+        image = decode(bytes(item.data))
+        if image is None:
+            raise FlightError(f"{where} cannot be decoded (format {item.format!r})")
+        return image
+    if item.encoding.lower() not in _ENCODINGS:
+        known = ", ".join(_ENCODINGS)
+        raise FlightError(f"{where} is encoded as {item.encoding!r}: expected {known}")
+    kind, channels, conversion = _ENCODINGS[item.encoding.lower()]
+    kind = (">" if item.is_bigendian else "<") + kind
+    rows, columns, step = int(item.height), int(item.width), int(item.step)
+    if rows * columns > MOST_PIXELS:
+        raise FlightError(
+            f"{where} declares {columns}x{rows} pixels: expected at most {MOST_PIXELS:,}"
+        )
+    width = columns * channels * np.dtype(kind).itemsize
+    if len(item.data) < rows * step or step < width:
+        raise FlightError(f"{where} is shorter than its {columns}x{rows} pixels")
+    lines = np.asarray(item.data, np.uint8)[: rows * step].reshape(rows, step)
+    pixels = np.ascontiguousarray(lines[:, :width]).view(kind).reshape(rows, columns, channels)
+    if pixels.dtype.itemsize == 2:
+        pixels = (pixels // 257).astype(np.uint8)
+    return pixels if conversion is None else cv2.cvtColor(pixels, conversion)

@@ -12,7 +12,7 @@ import numpy as np
 
 from trexton.base.errors import ParameterError
 from trexton.base.progress import progress
-from trexton.flights.frames import Frames, ImageFiles
+from trexton.flights.frames import Forward, ImageFiles
 from trexton.flights.importers.recording import Recording
 from trexton.vision.camera import Rectification
 from trexton.vision.images import bgr_from_yuv
@@ -38,7 +38,9 @@ def of_one_size(recording: Recording) -> Recording:
     return recording.rows(np.delete(np.arange(len(sizes)), others), said)
 
 
-def rectification_of(frames: Frames, undistort: str, crop: str, scale: float) -> Rectification:
+def rectification_of(
+    frames: ImageFiles | Forward, undistort: str, crop: str, scale: float
+) -> Rectification:
     """What is done to each image of a recording of one size; see `Common` of importing."""
     full = _size(frames[0])
     lens = _calibration(Path(undistort), frames, full) if undistort else {}
@@ -51,7 +53,9 @@ def rectification_of(frames: Frames, undistort: str, crop: str, scale: float) ->
     return Rectification(full, part, size, **lens)
 
 
-def write_images(frames: Frames, rectification: Rectification, folder: Path) -> ImageFiles:
+def write_images(
+    frames: ImageFiles | Forward, rectification: Rectification, folder: Path
+) -> ImageFiles:
     """Write every image; files that need no change are copied."""
     files = []
     for row in progress(range(len(frames)), "images", len(frames)):
@@ -84,7 +88,7 @@ def _size(image: np.ndarray) -> tuple[int, int]:
     return image.shape[1], image.shape[0]
 
 
-def _calibration(path: Path, frames: Frames, size: tuple[int, int]) -> dict[str, Any]:
+def _calibration(path: Path, frames: ImageFiles | Forward, size: tuple[int, int]) -> dict[str, Any]:
     """Focal length, centre and distortion in a file of OpenCV, EuRoC or Kalibr."""
     from trexton.vision.calibration import read_calibration
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.flights.frames import Frames, select_frames
+from trexton.flights.frames import Forward, ImageFiles
 from trexton.flights.tables import TIMES
 from trexton.vision.camera import Camera, wrapped
 
@@ -114,7 +114,7 @@ class Recording:
         Stamps of the frames.
     track : PoseTrack or None
         None where the source has no positions.
-    frames : Frames or None
+    frames : ImageFiles, Forward or None
         None without images.
     histograms : (N, K) array or None
     features : str
@@ -127,7 +127,7 @@ class Recording:
 
     time_ns: np.ndarray
     track: PoseTrack | None = None
-    frames: Frames | None = None
+    frames: ImageFiles | Forward | None = None
     histograms: np.ndarray | None = None
     features: str = "textons"
     camera: Camera | None = None
@@ -139,7 +139,7 @@ class Recording:
         return replace(
             self,
             time_ns=self.time_ns[chosen],
-            frames=None if self.frames is None else select_frames(self.frames, chosen),
+            frames=None if self.frames is None else self.frames.at(chosen),
             histograms=None if self.histograms is None else self.histograms[chosen],
             said=[*self.said, said],
         )

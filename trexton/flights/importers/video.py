@@ -13,9 +13,10 @@ import numpy as np
 from trexton.base.errors import FlightError, ParameterError
 from trexton.base.options import option
 from trexton.base.progress import progress
-from trexton.flights.frames import Selected, VideoFrames, stamped_frames
+from trexton.flights.frames import Forward
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.importers.tracks import TrackColumns, read_track
+from trexton.vision.images import check_capture
 from trexton.vision.time_offset import small
 
 __all__ = ["Settings", "estimate_offset", "read", "recognises"]
@@ -80,7 +81,7 @@ def read(source: Path, settings: Settings) -> Recording:
     return Recording(
         np.rint(stamps[rows] * NANO).astype(np.int64),
         track.shifted(-offset),
-        Selected(VideoFrames(source, len(stamps)), rows),
+        Forward(source, rows, lambda: _stamped(source), lambda item: item[1]),
         source=f"video {source.name}",
         said=[said, *read_so, *cut],
     )
@@ -143,7 +144,7 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     moved: list[float] = []
     announced: list[float] = []
     before = None
-    for stamp, frame in progress(stamped_frames(source, announced), "video"):
+    for stamp, frame in progress(_stamped(source, announced), "video"):
         luma = small(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., None]).astype(np.float32)
         across, down = (0.0, 0.0) if before is None else cv2.phaseCorrelate(before, luma)[0]
         seen.append(stamp)
@@ -160,3 +161,29 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
         ]
     motion = np.array(moved) / np.maximum(np.diff(stamps, prepend=stamps[0] - 1), 1e-3)
     return stamps - stamps[0], motion, cut
+
+
+def _stamped(
+    video: Path, announced: list[float] | None = None
+) -> Iterator[tuple[float, np.ndarray]]:
+    """Stamp in seconds and BGR of each frame; where stamps are missing, by the stated rate.
+
+    How many frames the head of the file names goes into `announced`.
+    """
+    capture = cv2.VideoCapture(str(video))
+    try:
+        check_capture(capture, video)
+        if announced is not None:
+            announced.append(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+        rate = capture.get(cv2.CAP_PROP_FPS) or 25.0
+        last, number = -1.0, 0
+        while True:
+            good, frame = capture.read()
+            if not good:
+                return
+            stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
+            stamp = stamp if stamp > last else last + 1 / rate if number else 0.0
+            yield stamp, frame
+            last, number = stamp, number + 1
+    finally:
+        capture.release()
