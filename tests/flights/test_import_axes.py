@@ -1,30 +1,13 @@
-"""Quaternions are turned as they are meant, by axes that are told, found, or mounted, and positions
+"""Quaternions are turned as they are meant, by axes that are told or found, and positions
 and attitudes matched with the frames."""
 
 import numpy as np
 import pytest
-from test_import import euroc
 
 from trexton.base.errors import TrextonError
 from trexton.flights.importers.axes import attitude_from_quaternions
 from trexton.flights.importers.recording import PoseTrack, match
 from trexton.flights.importers.tracks import TrackColumns, read_track
-from trexton.flights.importing import import_flight
-
-
-def test_euroc_turns_the_camera_as_it_is_mounted(tmp_path):
-    source = euroc(tmp_path / "MH")
-    sensor = source / "mav0" / "cam0" / "sensor.yaml"
-    # It looks down; its right is the vehicle's front, so its top is the vehicle's left.
-    mounted = [1, 0, 0, 0.1, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]
-    told = f"T_BS:\n  cols: 4\n  rows: 4\n  data: {mounted}\n"
-    sensor.write_text(sensor.read_text() + told)
-    flight, said = import_flight(source, tmp_path / "out")
-    np.testing.assert_allclose(flight.attitude, [[0, 0, np.pi / 2]] * 6, atol=1e-12)
-    assert "attitude of the camera as T_BS tells" in said
-    sensor.write_text(sensor.read_text().replace("data: [1,", "data: [3,"))
-    with pytest.raises(TrextonError, match="T_BS is no rotation"):
-        import_flight(source, tmp_path / "again")
 
 
 @pytest.mark.parametrize(

@@ -18,12 +18,11 @@ from trexton.localization.neighbors import neighbors_in_flight
 from trexton.localization.training_set import EXCLUDED_SECONDS
 from trexton.onboard.build import build
 from trexton.onboard.edges import edge_at
-from trexton.onboard.intake import BLACK_LEVEL, WHITE_LEVEL, Aids
+from trexton.onboard.intake import Aids
 from trexton.onboard.loop import CAUSES, Onboard
 from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import SINKS, Check
 from trexton.onboard.sources import Frame, Playback
-from trexton.vision.images import blur_effect
 from trexton.vision.time_offset import small, time_offset, turns
 
 __all__ = ["preflight"]
@@ -31,8 +30,6 @@ __all__ = ["preflight"]
 DURATION = 5.0  # seconds that the loop runs
 INSPECTED_FRAMES = 10  # frames that are looked at closely
 MAX_TURN_FRAMES = 500  # frames of which it is looked at how they turn
-MAX_BLUR = 0.65  # of `blur_effect`: sharp frames of the simulated hall stay below 0.6
-MAX_SATURATED = 0.2  # share of pixels that are black or white
 NOVELTY = 0.99  # quantile of training distances: one place in a hundred alarms without cause
 
 
@@ -107,16 +104,6 @@ def _of_camera(address: str, onboard: Onboard, pictures: list[np.ndarray]) -> It
         if many := tally[what]:
             words = f"{many} of {tally['frames']} frames contradict it: look at {causes}"
             yield Check(what, False, words)
-    if not sizes:
-        return
-    lumas = [picture[..., 0] for picture in pictures]
-    blur = float(np.median([blur_effect(luma) for luma in lumas]))
-    advice = "" if blur <= MAX_BLUR else ": turn the lens, clean it, hold still"
-    yield Check("focus", blur <= MAX_BLUR, f"blur {blur:.2f}, at most {MAX_BLUR}{advice}")
-    off = float(np.mean([(luma <= BLACK_LEVEL) | (luma >= WHITE_LEVEL) for luma in lumas]))
-    words = f"{off:.0%} of the pixels black or white, at most {MAX_SATURATED:.0%}"
-    advice = "" if off <= MAX_SATURATED else ": mend light or exposure"
-    yield Check("exposure", off <= MAX_SATURATED, words + advice)
 
 
 def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:

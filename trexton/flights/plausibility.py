@@ -22,19 +22,18 @@ from trexton.flights.importers.axes import (
     readings,
 )
 from trexton.flights.tracking import lost_rows, ranges
-from trexton.vision.camera import wrapped
 
 __all__ = ["Doubt", "count_of", "warnings"]
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
+SLOW = 3.0, 0.02  # seconds between frames and metres a second that hardly come together
 _SMALLER = (("millimetres", 1e-3), ("centimetres", 1e-2))
 _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("milliseconds", 1e-3, 0.0))
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
 FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
-MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
 TURNED = 0.5  # radians of yaw that other numbers would hardly look down over
 
 
@@ -143,12 +142,15 @@ def _tracking(flight: Flight) -> Iterator[str]:
         )
 
 
-def _speed(flight: Flight) -> Iterator[str]:
+def _median_speed(flight: Flight) -> float:
+    """Metres a second; NaN where too few places are known."""
     rows = np.flatnonzero(flight.located)
-    if len(rows) < 3:
-        return
     steps = np.hypot(*np.diff(flight.position[rows], axis=0).T)
-    if (speed := float(np.median(steps / np.diff(flight.time[rows])))) > MAX_MEDIAN_SPEED:
+    return float(np.median(steps / np.diff(flight.time[rows]))) if len(rows) > 2 else np.nan
+
+
+def _speed(flight: Flight) -> Iterator[str]:
+    if (speed := _median_speed(flight)) > MAX_MEDIAN_SPEED:
         unit, factor = _SMALLER[speed <= 300]
         yield Doubt(
             f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "
@@ -200,13 +202,6 @@ def _angles(flight: Flight) -> Iterator[str]:
             "angles read as degrees",
             _scaled(np.pi / 180, "attitude"),
         )
-        return
-    gaps = np.diff(flight.time[rows])
-    turned = np.abs(wrapped(np.diff(flight.attitude[rows, 2])))[gaps < SHORT_INTERVAL]
-    if len(turned) > 2:
-        rate = float(np.median(turned / gaps[gaps < SHORT_INTERVAL]))
-        if rate > MAX_MEDIAN_TURN:
-            yield f"the yaw turns at {rate:.3g} rad/s in half of the frames: degrees? write radians"
 
 
 def _view(flight: Flight) -> Iterator[str]:
@@ -251,6 +246,11 @@ def _stamps(flight: Flight) -> Iterator[str]:
             f"frames come {gap:.4g} s apart: stamps in {unit}? write seconds",
             f"stamps read as {unit}",
             _scaled(factor, "time"),
+        )
+    elif gap > SLOW[0] and 0 < (speed := _median_speed(flight)) < SLOW[1]:
+        yield (
+            f"frames come {gap:.3g} s apart and the vehicle moves at {speed:.2g} m/s in half of "
+            "them: stamps in milliseconds? write seconds"
         )
     elif gap < 1e-4:
         yield f"frames come {gap:.2g} s apart: write stamps in seconds"

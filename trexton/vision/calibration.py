@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,6 @@ MOST_CHARACTERS = 2**17
 _COEFFICIENTS = (4, 5, 8, 12, 14)
 # What the radial and tangential model is called; a fisheye's coefficients mean something else.
 _RADIAL = ("radial-tangential", "radtan", "plumb_bob")
-_Meant = TypeVar("_Meant")
 OPENING, MOST_OPENINGS = "[{<:-?", 10_000
 
 
@@ -58,28 +57,9 @@ def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.
     return camera, distortion if distortion.any() else None
 
 
-def read_mounting(path: Path) -> np.ndarray | None:
-    """``(3, 3)`` rotation that takes a sensor's axes to its vehicle's: of ``T_BS`` in ASL's
-    ``sensor.yaml``; None where it tells none.
-
-    Raises
-    ------
-    FlightError
-        The file is of another kind, or `T_BS` is no rotation.
-    """
-
-    def rotation(content: Mapping[str, Any]) -> np.ndarray | None:
-        if "T_BS" not in content:
-            return None
-        turn = _matrix(content["T_BS"])[:3, :3]
-        if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0:
-            raise ValueError("T_BS is no rotation")
-        return turn
-
-    return _read(path, rotation)
-
-
-def _read(path: Path, meant: Callable[[Mapping[str, Any]], _Meant]) -> _Meant:
+def _read(
+    path: Path, meant: Callable[[Mapping[str, Any]], tuple[Camera, np.ndarray]]
+) -> tuple[Camera, np.ndarray]:
     """What the content of a calibration means; whatever is wrong with it is one `FlightError`."""
     text = read_text(path)
     try:

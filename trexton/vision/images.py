@@ -194,20 +194,6 @@ def decode_image(data: bytes) -> np.ndarray:
     return yuv_from_bgr(image)
 
 
-def blur_effect(luma: np.ndarray) -> float:
-    """How little an ``(H, W) uint8`` picture changes when it is blurred: 0 sharp, 1 blurred.
-
-    Crete et al., "The blur effect" (2007), at half size, where single pixels' noise is gone.
-    """
-    small = cv2.pyrDown(np.ascontiguousarray(luma)).astype(np.float32)
-    blur_of_axis = []
-    for axis, size in ((0, (1, 9)), (1, (9, 1))):
-        before = np.abs(np.diff(small, axis=axis))
-        lost = before - np.abs(np.diff(cv2.blur(small, size), axis=axis))
-        blur_of_axis.append(1 - np.maximum(lost, 0).sum() / max(before.sum(), 1e-9))
-    return float(max(blur_of_axis))
-
-
 def natural_order(path: Path) -> list[tuple[int, str]]:
     """Sort key in the order in which people count: IMG_9 before IMG_10."""
     parts = re.split(r"(\d+)", path.name)

@@ -13,11 +13,11 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
-from trexton.flights.importers.axes import AXES, axes_option
-from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
+from trexton.flights.importers.axes import axes_option
+from trexton.flights.importers.recording import NANO, Recording
 from trexton.flights.importers.tracks import TUM, TrackColumns, trajectory_names
 from trexton.flights.tables import TextTable, is_number, read_table
-from trexton.vision.calibration import read_calibration, read_mounting
+from trexton.vision.calibration import read_calibration
 
 __all__ = ["Euroc", "Features", "Table", "Tum"]
 
@@ -37,6 +37,7 @@ class Euroc:
 
         camera: str = option("cam0", "folder of the camera")
         track: str = option("", "folder of the positions (default: the first of its usual names)")
+        axes: str = axes_option()
 
     @staticmethod
     def recognises(source: Path) -> bool:
@@ -54,7 +55,8 @@ class Euroc:
             raise FlightError(f"{root}: no positions in {', '.join(names)}: name their folder")
         sensor = folder / "sensor.yaml"
         camera = read_calibration(sensor)[0] if sensor.is_file() else None
-        track, said = _asl_track(root / found / "data.csv", sensor)
+        positions = read_table(root / found / "data.csv")
+        track, said = _asl_columns(positions, settings.axes).of(positions)
         return Recording(
             table.nanoseconds("stamp", "ns"),
             track,
@@ -69,23 +71,13 @@ def _mav(source: Path) -> Path:
     return source / "mav0" if (source / "mav0").is_dir() else source
 
 
-def _asl_track(path: Path, camera: Path) -> tuple[PoseTrack, list[str]]:
-    """Positions, and the attitude of the camera whose ``sensor.yaml`` tells how it is mounted."""
-    table = read_table(path)
+def _asl_columns(table: TextTable, axes: str) -> TrackColumns:
     names = table.header
     if len(names) < 4:
-        raise FlightError(f"{path}: {len(names)} columns: expected stamp, x, y, z")
+        raise FlightError(f"{table.path}: {len(names)} columns: expected stamp, x, y, z")
     turn = ",".join((*names[5:8], names[4]) if len(names) >= 8 else ())  # written w, x, y, z
-    columns = TrackColumns(names[0], names[1], names[2], names[3], quaternion=turn, time_unit="ns")
-    mounted, tracked = (
-        read_mounting(sensor) if sensor.is_file() else None
-        for sensor in (camera, path.with_name("sensor.yaml"))
-    )
-    if mounted is None:
-        return columns.of(table)
-    # From the axes of what was tracked to the vehicle's, and from those to the camera's.
-    return columns.of(
-        table, (np.eye(3) if tracked is None else tracked.T) @ mounted @ AXES["camera"]
+    return TrackColumns(
+        names[0], names[1], names[2], names[3], quaternion=turn, axes=axes, time_unit="ns"
     )
 
 
@@ -195,18 +187,13 @@ class Table:
 
 
 class Features:
-    """Histograms of any feature: a table of values, a row a frame, and positions beside them or in
-    another table.
-    """
+    """Histograms of any feature: a table of values, a row a frame, and positions beside them."""
 
     @dataclass(frozen=True)
     class Settings(TrackColumns):
         """What can be chosen."""
 
         time: str = option("", "column of the stamps (default: frames at the rate below)")
-        positions: str = option(
-            "", "table of x and y, a row a frame (default: columns of the same table)"
-        )
         rate: float = option(
             12.5, "frames a second, where there are no stamps", low=0.001, high=10000
         )
@@ -219,24 +206,17 @@ class Features:
 
     @staticmethod
     def read(source: Path, settings: Settings) -> Recording:
-        """The recording of one table of features, or of two tables with a row a frame each."""
-        where = beside(source.parent, settings.positions) if settings.positions else source
-        places = read_table(where)
-        stamps = (np.arange(len(places)) * NANO / settings.rate).astype(np.int64)
+        """The recording of a table of features, a row a frame."""
+        table = read_table(source)
+        stamps = (np.arange(len(table)) * NANO / settings.rate).astype(np.int64)
         if settings.time:
-            stamps = places.nanoseconds(settings.time, settings.time_unit)
-        track, said = settings.of(places, stamps=stamps)
-        table = places if where == source else read_table(source)
-        used = {"frame"}
-        if where == source:
-            used |= {settings.x, settings.y, settings.z, settings.time, settings.yaw, "id"}
-            used |= set(settings.quaternion.split(","))
+            stamps = table.nanoseconds(settings.time, settings.time_unit)
+        track, said = settings.of(table, stamps)
+        used = {"frame", "id", settings.x, settings.y, settings.z, settings.time, settings.yaw}
+        used |= set(settings.quaternion.split(","))
         names = [name for name in table.header if name not in used]
-        if len(table) != len(places) or not names:
-            raise FlightError(
-                f"{source}: {len(table)} rows of {len(names)} values, {len(places)} "
-                "positions: expected a row of finite numbers for each position"
-            )
+        if not names:
+            raise FlightError(f"{source}: no column of values beside the positions: add some")
         values = [table.numbers(name, missing_allowed=False) for name in names]
         return Recording(
             stamps, track, histograms=np.column_stack(values), features=settings.features,

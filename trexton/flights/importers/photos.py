@@ -38,14 +38,9 @@ class Settings(Options):
 
     positions: str = option(
         "",
-        "table of file, latitude, longitude instead of EXIF; or a log of an autopilot, COLMAP's "
-        "images.txt, OpenSfM's reconstruction.json",
+        "table of file, lat, lon (alt_m, time) instead of EXIF; or a log of an autopilot, "
+        "COLMAP's images.txt, OpenSfM's reconstruction.json",
     )
-    file: str = option("file", "its column of file names")
-    latitude: str = option("lat", "its column of latitudes in degrees")
-    longitude: str = option("lon", "its column of longitudes in degrees")
-    altitude: str = option("alt_m", "its column of altitudes in metres, where there is one")
-    taken: str = option("time", "its column of times, where there is one")
     ground: float | None = option(
         None, "altitude of the ground in metres, which makes heights of altitudes"
     )
@@ -84,7 +79,7 @@ def read(source: Path, settings: Settings) -> Recording:
         stamps = _stamps(known)
         track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
     else:
-        shots = _from_table(path, files, settings) if named else _from_exif(files)
+        shots = _from_table(path, files) if named else _from_exif(files)
         known, words = _located(source, path if named else None, files, shots)
         track, words_of_heights = _track([shots[file] for file in known], settings.ground)
         words += words_of_heights
@@ -183,19 +178,17 @@ def _by_name(path: Path, names: list[str], files: list[Path]) -> dict[Path, int]
     return found
 
 
-def _from_table(path: Path, files: list[Path], settings: Settings) -> dict[Path, Shot]:
+def _from_table(path: Path, files: list[Path]) -> dict[Path, Shot]:
     table = read_table(path)
-    altitude = np.full(len(table), np.nan)
-    if settings.altitude in table.header:
-        altitude = table.numbers(settings.altitude)
-    latitude, longitude = table.numbers(settings.latitude), table.numbers(settings.longitude)
-    taken = table.texts(settings.taken) if settings.taken in table.header else None
+    latitude, longitude = table.numbers("lat"), table.numbers("lon")
+    altitude = table.numbers("alt_m") if "alt_m" in table.header else np.nan + latitude
+    taken = table.texts("time") if "time" in table.header else None
     return {
         file: Shot(
             latitude[row], longitude[row], altitude[row],
             time_ns=row * NANO if taken is None else time_of(path, taken[row]),
         )
-        for file, row in _by_name(path, table.texts(settings.file), files).items()
+        for file, row in _by_name(path, table.texts("file"), files).items()
     }  # fmt: skip
 
 

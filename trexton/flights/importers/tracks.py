@@ -16,12 +16,7 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.importers.autopilot import read_log
-from trexton.flights.importers.axes import (
-    attitude_from_quaternions,
-    axes_option,
-    camera_attitude,
-    looks_away,
-)
+from trexton.flights.importers.axes import axes_option, camera_attitude
 from trexton.flights.importers.mocap import read_motion_capture
 from trexton.flights.importers.recording import PoseTrack
 from trexton.flights.tables import LENGTHS, TIMES, TextTable, is_number, read_table
@@ -47,18 +42,11 @@ class TrackColumns(Options):
     degrees: bool = option(False, "the yaw is in degrees")
     body: str = option("", "of motion capture: the rigid body (default: the only one)")
 
-    def of(
-        self,
-        table: TextTable,
-        mounted: np.ndarray | None = None,
-        stamps: np.ndarray | None = None,
-    ) -> tuple[PoseTrack, list[str]]:
+    def of(self, table: TextTable, stamps: np.ndarray | None = None) -> tuple[PoseTrack, list[str]]:
         """The track in order of its stamps, and what to know of it.
 
         Parameters
         ----------
-        mounted : (3, 3) array, optional
-            How the camera is mounted on what the quaternions turn, instead of `axes`.
         stamps : (N,) int64 array, optional
             Nanoseconds, where no column has them.
 
@@ -79,7 +67,7 @@ class TrackColumns(Options):
             turns = np.column_stack([_column(table, name) for name in parts])
             if len(parts) == 9:
                 turns = _quaternions(turns)
-            return pose_track(stamps, position, turns, self.axes, where, lines, mounted)
+            return pose_track(stamps, position, turns, self.axes, where, lines)
         attitude, said = None, []
         if self.yaw:
             yaw = _column(table, self.yaw)
@@ -105,7 +93,6 @@ def pose_track(
     axes: str,
     where: str,
     lines: Sequence[int],
-    mounted: np.ndarray | None = None,
 ) -> tuple[PoseTrack, list[str]]:
     """The track of poses with quaternions, in order of its stamps, and what to know of it.
 
@@ -120,11 +107,7 @@ def pose_track(
         said = [f"{where}: {lost.sum()} rows without an attitude, left out (first: row {first})"]
         stamps, position, turns = stamps[~lost], position[~lost], turns[~lost]
         lines = [lines[row] for row in np.flatnonzero(~lost).tolist()]
-    if mounted is None:
-        attitude, taken = camera_attitude(turns, axes)
-    else:
-        attitude = attitude_from_quaternions(turns, mounted)
-        taken = ["attitude of the camera as T_BS tells", *filter(None, [looks_away(attitude)])]
+    attitude, taken = camera_attitude(turns, axes)
     track, order = PoseTrack(stamps, position, attitude).ordered(where, lines)
     return track, said + order + taken
 
