@@ -20,7 +20,7 @@ from trexton.base.progress import progress
 from trexton.flights import plausibility
 from trexton.flights.flight import Flight
 from trexton.flights.folder import Reading, load_folder
-from trexton.flights.plausibility import count_of
+from trexton.flights.tracking import count_of
 from trexton.flights.writing import write_flight
 from trexton.vision.images import read_image
 

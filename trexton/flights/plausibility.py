@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import TrextonError
-from trexton.flights.flight import Flight, area_around
+from trexton.flights.flight import Flight
 from trexton.flights.importers.axes import (
     AXES,
     TAKEN,
@@ -21,9 +21,10 @@ from trexton.flights.importers.axes import (
     quaternions_from_attitude,
     readings,
 )
-from trexton.flights.tracking import lost_rows, ranges
+from trexton.flights.tracking import count_of, lost_rows, ranges, without_positions
+from trexton.vision.camera import wrapped
 
-__all__ = ["Doubt", "count_of", "warnings"]
+__all__ = ["Doubt", "warnings"]
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
@@ -34,6 +35,7 @@ MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
 FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
+MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
 TURNED = 0.5  # radians of yaw that other numbers would hardly look down over
 
 
@@ -61,28 +63,6 @@ def _scaled(factor: float, *columns: str) -> Callable[[Flight], Flight]:
         return replace(flight, **changes)
 
     return mend
-
-
-def _without_positions(rows: np.ndarray) -> Callable[[Flight], Flight]:
-    """Leaves the positions of these rows empty, and the area without them where it was theirs."""
-
-    def mend(flight: Flight) -> Flight:
-        position = flight.position.copy()
-        position[rows] = np.nan
-        area, theirs = flight.area, np.array(area_around(flight.position))
-        if (np.abs(theirs - area) < 0.05 * flight.diagonal).all():  # it was drawn around them
-            area = area_around(position, 0.02, 0.01)
-        height = None if flight.height is None else flight.height.copy()
-        if height is not None:
-            height[rows] = np.nan
-        return replace(flight, position=position, height=height, area=area)
-
-    return mend
-
-
-def count_of(number: int, what: str) -> str:
-    """``3 frames``, ``1 frame``, ``no frames``."""
-    return f"{number or 'no'} {what}{'' if number == 1 else 's'}"
 
 
 def warnings(flight: Flight) -> list[Doubt]:
@@ -138,7 +118,7 @@ def _tracking(flight: Flight) -> Iterator[str]:
             f"{len(rows)} {what} {how} (frames {frames}): was tracking lost? leave x_m and y_m of "
             "these frames empty",
             f"{count_of(len(rows), 'position')} left empty, {how} (frames {frames})",
-            _without_positions(rows),
+            without_positions(rows),
         )
 
 
@@ -202,6 +182,13 @@ def _angles(flight: Flight) -> Iterator[str]:
             "angles read as degrees",
             _scaled(np.pi / 180, "attitude"),
         )
+        return
+    gaps = np.diff(flight.time[rows])
+    turned = np.abs(wrapped(np.diff(flight.attitude[rows, 2])))[gaps < SHORT_INTERVAL]
+    if len(turned) > 2:
+        rate = float(np.median(turned / gaps[gaps < SHORT_INTERVAL]))
+        if rate > MAX_MEDIAN_TURN:
+            yield f"the yaw turns at {rate:.3g} rad/s in half of the frames: degrees? write radians"
 
 
 def _view(flight: Flight) -> Iterator[str]:

@@ -1,12 +1,18 @@
 """Positions that a vehicle cannot have flown: motion capture that lost it, a pose that froze, or
-another body's place. `lost_rows` finds them by the flight's own speeds.
+another body's place. `lost_rows` finds them by the flight's own speeds, and a mend made by
+`without_positions` leaves them empty.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
-__all__ = ["Lost", "lost_rows", "ranges"]
+from trexton.flights.flight import Flight, area_around
+
+__all__ = ["Lost", "count_of", "lost_rows", "ranges", "without_positions"]
 
 FEWEST = 5  # positions from which on a flight has speeds of its own
 WINDOW = 9  # steps over whose median a speed is sustained
@@ -129,3 +135,25 @@ def ranges(numbers: np.ndarray) -> str:
     words = [f"{part[0]} to {part[-1]}" if len(part) > 1 else f"{part[0]}" for part in parts]
     more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
     return ", ".join(words[:NAMED]) + more
+
+
+def count_of(number: int, what: str) -> str:
+    """``3 frames``, ``1 frame``, ``no frames``."""
+    return f"{number or 'no'} {what}{'' if number == 1 else 's'}"
+
+
+def without_positions(rows: np.ndarray) -> Callable[[Flight], Flight]:
+    """Leaves the positions of these rows empty, and the area without them where it was theirs."""
+
+    def mend(flight: Flight) -> Flight:
+        position = flight.position.copy()
+        position[rows] = np.nan
+        area, theirs = flight.area, np.array(area_around(flight.position))
+        if (np.abs(theirs - area) < 0.05 * flight.diagonal).all():  # it was drawn around them
+            area = area_around(position, 0.02, 0.01)
+        height = None if flight.height is None else flight.height.copy()
+        if height is not None:
+            height[rows] = np.nan
+        return replace(flight, position=position, height=height, area=area)
+
+    return mend
