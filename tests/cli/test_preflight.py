@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 import time
 from contextlib import contextmanager
@@ -45,12 +46,11 @@ def checked(place, **options) -> dict[str, bool]:
 
 
 def spoilt(place, tmp_path, change) -> tuple[str, str]:
-    """The same flight as numbered pictures that were changed."""
-    folder = tmp_path / "spoilt"
-    folder.mkdir()
-    for number, file in enumerate(read_flight(place[1]).frames.files):
-        cv2.imwrite(str(folder / f"{number:03d}.png"), change(cv2.imread(str(file))))
-    return place[0], str(folder / "%03d.png")
+    """The same flight, its pictures changed."""
+    folder = shutil.copytree(place[1], tmp_path / "spoilt")
+    for file in read_flight(folder).frames.files:
+        cv2.imwrite(str(file), change(cv2.imread(str(file))))
+    return place[0], str(folder)
 
 
 def test_all_is_well_and_nothing_is_written_nor_commanded(place, tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 import cv2
@@ -17,7 +18,9 @@ from trexton.flights.importing import import_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
+from trexton.onboard import Settings, build
 from trexton.onboard.intake import Grabber
+from trexton.onboard.settings import Flying
 from trexton.onboard.sources import Frame, open_source
 from trexton.onboard.tally import Tally
 from trexton.simulator import record_flight
@@ -104,20 +107,14 @@ def test_a_camera_is_seen_as_it_was_when_the_map_was_made(place, imported, tmp_p
     size."""
     texton_map = train_map(imported, n_textons=8, rng=np.random.default_rng(1))
     path, table = save_map(texton_map, tmp_path / "map.npz"), tmp_path / "raw.csv"
-    raw = tmp_path / "camera"
-    raw.mkdir()
-    for file in (place / "images").glob("*.png"):
-        (raw / file.name).write_bytes(file.read_bytes())
-    words = [
-        "onboard",
-        str(path),
-        "--camera",
-        str(raw / "%03d.png"),
-        "--output",
-        f"csv:{table}",
-        "--quiet",
-    ]
-    assert main(words) == 0
+    words = {Flying: Flying(camera="/dev/video0")}
+    assert build(Settings(str(path), (), (), words)).source.rectification == SMALL
+    words = {Flying: Flying(camera=str(place / "flight"))}
+    onboard = build(Settings(str(path), (f"csv:{table}",), (), words))
+    files = sorted((place / "images").glob("*.png"))
+    onboard.source = Film([yuv_from_bgr(cv2.imread(str(file))) for file in files])
+    onboard.source.rectification = SMALL
+    onboard.run(threading.Event())
     rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert (rows["observed"] == 1).all()
     localizer = Localizer(texton_map, rng=np.random.default_rng(2))
@@ -140,7 +137,7 @@ def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(pl
     for other in (None, np.zeros((84, 112, 3), np.uint8), np.zeros(8)):
         assert picture(replace(frame, picture=other)) is other
     assert open_source(str(place / "flight")).rectified
-    assert not open_source(str(place / "images" / "%03d.png")).rectified
+    assert not open_source("/dev/video0").rectified
     with pytest.raises(ImageError, match="apply the map's rectification"):
         Localizer(texton_map, rng=np.random.default_rng(2)).step(frame.picture)
 
