@@ -225,9 +225,10 @@ def test_a_video_that_declares_too_much_is_refused_before_a_frame_is_made(tmp_pa
     (tmp_path / "p.csv").write_text("t,x,y\n0,1,2\n1,1,2\n")
     monkeypatch.setattr("trexton.vision.images.MOST_PIXELS", 1000)
     with pytest.raises(TrextonError, match="v.avi: declares 64x48 pixels"):
-        import_flight(path, tmp_path / "out", settings={"positions": "p.csv", "offset": "0"})
+        settings = {"positions": "p.csv", "offset": "0"}
+        import_flight(path, tmp_path / "out", kind="video", settings=settings)
     with pytest.raises(TrextonError, match="v.avi: declares 64x48 pixels"):
-        open_source(str(path)).read()
+        open_source(f"stream:{path}").open()
 
 
 @pytest.mark.parametrize(
