@@ -11,8 +11,6 @@ from trexton.base.files import atomic_file, check_not_read
 from trexton.base.progress import say
 from trexton.flights.flight import Flight
 
-__all__ = ["add_arguments", "run", "write_tum"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", metavar="FLIGHT", help="the folder that holds flight.toml")

@@ -12,8 +12,6 @@ from trexton.base.progress import say
 if TYPE_CHECKING:
     from trexton.base.options import Option
 
-__all__ = ["add_arguments", "run"]
-
 PLACE = "setting."  # what the attributes of settings begin with
 
 

@@ -21,8 +21,6 @@ from trexton.base.errors import TrextonError
 from trexton.base.plugins import addresses, import_plugins, resolve
 from trexton.base.progress import Shown, set_quiet, shown
 
-__all__ = ["COMMANDS", "build_parser", "main", "sentence", "verbs"]
-
 # The library's own; others are entry points of the group ``trexton.commands``.
 COMMANDS = {
     "check": "trexton.cli.check",

@@ -11,8 +11,6 @@ from trexton.base.plugins import addresses
 from trexton.localization.base import Part
 from trexton.localization.methods import METHODS, ROLES, part_class
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(

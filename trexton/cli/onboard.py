@@ -13,8 +13,6 @@ from types import FrameType
 from trexton.base.arguments import add_assignments, add_options, chosen_options
 from trexton.base.options import Options
 
-__all__ = ["add_arguments", "run", "set_elsewhere", "stopped_by_signals"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from trexton.base.plugins import addresses

@@ -25,8 +25,6 @@ from trexton.onboard.sinks import SINKS, Check
 from trexton.onboard.sources import Frame, Playback
 from trexton.vision.time_offset import small, time_offset, turns
 
-__all__ = ["preflight"]
-
 DURATION = 5.0  # seconds that the loop runs
 INSPECTED_FRAMES = 10  # frames that are looked at closely
 MAX_TURN_FRAMES = 500  # frames of which it is looked at how they turn

@@ -14,8 +14,6 @@ from typing import Any
 from trexton.base.errors import DataError
 from trexton.base.progress import shown
 
-__all__ = ["add_arguments", "replayed", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("log", metavar="LOG", help="what trexton onboard --log wrote")

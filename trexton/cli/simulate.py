@@ -12,8 +12,6 @@ from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.simulator import LAYOUTS, PATTERNS, Effects, Floor, record_flight
 
-__all__ = ["add_arguments", "run"]
-
 
 @dataclass(frozen=True)
 class SimulateOptions(Options):

@@ -21,8 +21,6 @@ from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import with_parts
 from trexton.localization.training_set import EXCLUDED_SECONDS
 
-__all__ = ["LEAST_COVERAGE", "Assessment", "assess", "replay", "stretches"]
-
 WARM_S = 2.0  # in which a filter settles: flown, but not judged
 STRETCH_S = 5.0
 MOST_STRETCHES = 8

@@ -14,12 +14,6 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr, ndtri, stdtrit
 
-__all__ = [
-    "absolute_errors", "block_rows", "bootstrap_interval", "constant_guess", "euclidean",
-    "frequency", "mean_over_groups", "mean_with_interval", "milliseconds", "of_frames",
-    "shuffled_neighbors", "success_rate", "summarize", "wilson_interval",
-]  # fmt: skip
-
 BLOCK = 12  # frames of a bootstrap block, about a second
 _MIN_BLOCKS = 4  # of a flight
 Counts = int | Sequence[int] | np.ndarray  # of independent trials, or of each cluster's

@@ -14,8 +14,6 @@ from scipy.spatial import cKDTree
 from trexton.base.errors import MapError
 from trexton.base.options import number
 
-__all__ = ["cosine_similarity", "heat_map", "ideal_similarity", "local_losses", "smooth"]
-
 _FINEST, _CELLS = 0.05, 200  # side of a cell in metres, cells along a side
 _ROWS = 512  # rows of an (N, N) matrix that are held at once
 

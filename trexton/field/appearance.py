@@ -13,8 +13,6 @@ from trexton.localization.base import Part, learned
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training_set import Training
 
-__all__ = ["Appearance", "AsSurveyed", "Tracked"]
-
 HELD = 0.98  # mean resultant length of the yaw of a survey that held its heading
 
 

@@ -29,8 +29,6 @@ from trexton.vision.correction import (
     corrected_frame,
 )
 
-__all__ = ["AppearanceFilter"]
-
 TRIALS, PATCHES = 16, 300  # states tried about the last one, and on how many patches of a frame
 PRIOR_SIGMA = np.array([0.25, 0.04, 0.04, 0.0, 0.1])  # about the survey; of any heading
 START_SIGMA = np.array([0.08, 0.02, 0.02, 0.1, 0.04])  # about a state that was just chosen

@@ -35,8 +35,6 @@ from trexton.field.process import (
 from trexton.field.tiles import Tiles
 from trexton.localization.base import Area
 
-__all__ = ["cross_validate", "select_features"]
-
 MAX_FRAMES = 800  # of which it takes place; longer flights are thinned
 FAMILIAR_SHARE = 0.95  # of left-out frames whose normalized residual is at most 1
 CELLS = 1200  # of the grid on which left-out frames are located

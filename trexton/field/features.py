@@ -15,8 +15,6 @@ import numpy as np
 
 from trexton.flights.flight import SUM_TOLERANCE
 
-__all__ = ["Features", "is_counted"]
-
 MAX_FEATURES = 400  # more are taken along their principal axes
 MAX_COMPONENTS = 125  # principal axes that are kept
 MIN_EIGENVALUE = 1e-6  # of an axis that is kept, as a share of the largest

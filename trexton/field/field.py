@@ -36,8 +36,6 @@ from trexton.vision.correction import corrected_patches
 from trexton.vision.histograms import patch_histogram
 from trexton.vision.images import sample_positions
 
-__all__ = ["Field", "FrameEvidence"]
-
 MAX_TABLE = 600_000  # cells times features: what a frame may cost, of time and cache
 MIN_VARIANCE = 1e-3  # share of the signal: no place is taken to be known better
 MEAN_DISTANCE = 1.28  # of two places drawn from a square, over that of one's deviation

@@ -13,8 +13,6 @@ import numpy as np
 from trexton.field.likelihood import ErrorModel
 from trexton.field.linear_motion import LinearMotion
 
-__all__ = ["BIAS_SIGMA", "CLUTTER_PROBABILITY", "Hypotheses"]
-
 CLUTTER_PROBABILITY = 1e-3  # that a frame, or a velocity, says nothing, whatever it looks like
 BIAS_SIGMA = 0.3  # m/s along an axis, of a velocity that is biased
 BIAS_TIME_S = 5.0  # time constant of the bias: it turns with the vehicle

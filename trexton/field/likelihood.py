@@ -11,11 +11,6 @@ import numpy as np
 
 from trexton.localization.base import Area
 
-__all__ = [
-    "Basis", "ErrorModel", "Table", "TileTables", "better_half", "bilinear", "error_terms",
-    "grid_cells", "log_prior", "peaks", "rbf_kernel", "tile_bases",
-]  # fmt: skip
-
 DEGREES_OF_FREEDOM = 6.0  # of the Student distribution
 CLUTTER_SHARE = 0.02  # of tiles, that show what the survey did not
 # Of the prior that does not expect the vehicle where the survey was: of histograms of a floor, and

@@ -18,8 +18,6 @@ from trexton.localization.base import Area, learned
 from trexton.localization.motion import MotionModel, uniform_places
 from trexton.localization.training_set import Training
 
-__all__ = ["LinearMotion", "Singer", "flight_statistics"]
-
 REACH = 2  # frames before and after, that give a velocity and an acceleration
 
 

@@ -17,11 +17,6 @@ from scipy.spatial.distance import cdist
 
 from trexton.vision.threads import ahead
 
-__all__ = [
-    "Block", "Process", "blocks_in_space", "blocks_in_time", "matern", "merge_places", "nlpd",
-    "select_length",
-]  # fmt: skip
-
 # Noise of a frame as a share of the signal variance, what the field must not try to follow: of
 # histograms, and what is tried for senses that may be noisier.
 NOISE = 0.03

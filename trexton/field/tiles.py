@@ -18,8 +18,6 @@ from trexton.field.likelihood import bilinear, grid_cells
 from trexton.field.process import Block, Process, blocks_in_time, nlpd
 from trexton.localization.base import Area
 
-__all__ = ["Tiles"]
-
 MAX_FRAMES = 800  # among which mutual nearest neighbours are sought
 MAX_ROWS = 400  # tiles of frames of which the predictive density is taken
 LENGTH = 0.1  # of the kernel meanwhile, as a share of the diagonal of what was flown over

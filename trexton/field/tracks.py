@@ -27,8 +27,6 @@ from trexton.localization.filters import Filter
 from trexton.localization.observation import Observation
 from trexton.localization.texton_map import TextonMap
 
-__all__ = ["TrackFilter", "Tracks"]
-
 OUTLIER_TIME_S = 0.2  # correlation time of outliers, with velocity aiding
 VELOCITY_GATE_SIGMA = 5.0  # innovation gate for velocity aiding
 BIRTH_PROBABILITY = 1e-3  # a frame, that the vehicle is where no hypothesis is

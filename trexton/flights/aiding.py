@@ -10,8 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-__all__ = ["Aiding"]
-
 # Seconds from the frame: a vehicle in a gust tilts by degrees in a tenth of a second; its height
 # and velocity change more slowly.
 ATTITUDE_AGE, OTHER_AGE = 0.1, 0.3

@@ -24,8 +24,6 @@ from trexton.flights.tracking import count_of
 from trexton.flights.writing import write_flight
 from trexton.vision.images import read_image
 
-__all__ = ["Report", "check_flight", "facts", "repair_flight"]
-
 MOST_ROUNDS = 10  # a repair may uncover what another repairs
 
 

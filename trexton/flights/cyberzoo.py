@@ -10,8 +10,6 @@ import numpy as np
 
 from trexton.flights.flight import Flight, area_around
 
-__all__ = ["read_cyberzoo"]
-
 PERIOD_S = 0.08  # Sec. Speed Versus Accuracy: the autopilot software received 12.5 images a second
 # Frame 0 has no histogram, and the last row of the histogram table has no frame.
 FIRST, LAST = 1, 624

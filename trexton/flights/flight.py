@@ -20,8 +20,6 @@ from trexton.flights.frames import ImageFiles
 from trexton.vision.camera import Camera, MapImage, Rectification
 from trexton.vision.images import read_picture
 
-__all__ = ["SUM_TOLERANCE", "Area", "Flight", "area_around"]
-
 Area = tuple[float, float, float, float]
 
 NARROW = 1e-3  # metres: a side that is no area

@@ -22,8 +22,6 @@ from trexton.flights.header import FARTHEST, read_header
 from trexton.flights.tables import TextTable, read_table
 from trexton.vision.camera import Camera, Rectification
 
-__all__ = ["ANGLES", "Reading", "load_folder", "read_flight"]
-
 _REQUIRED = ("frame", "t_s", "x_m", "y_m")
 ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")
 _OPTIONAL = ("z_m", *ANGLES, "image")

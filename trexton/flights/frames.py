@@ -14,8 +14,6 @@ from trexton.base.errors import FlightError
 from trexton.base.files import digest
 from trexton.vision.images import read_image, yuv_from_bgr
 
-__all__ = ["Forward", "ImageFiles"]
-
 
 @dataclass(frozen=True)
 class ImageFiles:

@@ -17,8 +17,6 @@ from trexton.base.errors import FlightError, ParameterError
 from trexton.base.files import read_text
 from trexton.vision.camera import Rectification
 
-__all__ = ["FARTHEST", "FORMAT", "read_header"]
-
 FORMAT = 1
 SMALLEST_AREA = 1e-3  # metres
 FARTHEST = 2e7  # metres: half way round the Earth

@@ -32,8 +32,6 @@ from trexton.flights.importers.recording import NANO, PoseTrack, Recording, matc
 from trexton.flights.writing import write_tables
 from trexton.vision.camera import Rectification
 
-__all__ = ["Common", "import_flight", "preview_import"]
-
 
 @dataclass(frozen=True)
 class Common(Options):

@@ -24,8 +24,6 @@ from trexton.flights.importers.axes import (
 from trexton.flights.tracking import count_of, lost_rows, ranges, without_positions
 from trexton.vision.camera import wrapped
 
-__all__ = ["Doubt", "warnings"]
-
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
 SLOW = 3.0, 0.02  # seconds between frames and metres a second that hardly come together

@@ -19,8 +19,6 @@ from trexton.base.plugins import resolve
 from trexton.base.progress import say
 from trexton.flights.writing import write_flight
 
-__all__ = ["data_folder", "fetch", "flight_title", "locate", "raw_files", "registry"]
-
 _TITLES = {
     "cyberzoo": "CyberZoo flight (real, unit in doubt)",
     "sim-survey": "Virtual hall (simulated)",

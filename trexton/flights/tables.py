@@ -19,8 +19,6 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.progress import shown
 
-__all__ = ["LENGTHS", "TIMES", "TextTable", "is_number", "read_table"]
-
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}  # metres
 TIMES = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}  # nanoseconds
 _LATEST = 4_102_444_800 * TIMES["s"]  # the year 2100: stamps since 1970 are of before

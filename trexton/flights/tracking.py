@@ -12,8 +12,6 @@ import numpy as np
 
 from trexton.flights.flight import Flight, area_around
 
-__all__ = ["Lost", "count_of", "lost_rows", "ranges", "without_positions"]
-
 FEWEST = 5  # positions from which on a flight has speeds of its own
 WINDOW = 9  # steps over whose median a speed is sustained
 JUMP = 4.0  # times the top sustained speed: no vehicle goes from one row to the next so fast

@@ -21,8 +21,6 @@ from trexton.flights.folder import ANGLES
 from trexton.flights.frames import ImageFiles
 from trexton.flights.header import FORMAT
 
-__all__ = ["write_flight", "write_tables"]
-
 
 def write_flight(flight: Flight, path: str | os.PathLike[str], replace: bool = False) -> Path:
     """Write `flight` as a folder, whole or not at all; images and floor are copied as they are.

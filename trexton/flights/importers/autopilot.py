@@ -19,8 +19,6 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.flights.importers.recording import NANO, PoseTrack, local_metres
 
-__all__ = ["read_log"]
-
 # Messages of ArduPilot that hold a position, the best first, or an attitude, and their parts.
 _MESSAGES = {
     "POS": ("Lat", "Lng", "RelHomeAlt"), "GPS": ("Lat", "Lng", "RAlt"),

@@ -12,11 +12,6 @@ import numpy as np
 
 from trexton.base.options import option
 
-__all__ = [
-    "AXES", "TAKEN", "attitude_from_quaternions", "axes_option", "camera_attitude", "looks_away",
-    "quaternions_from_attitude", "readings",
-]  # fmt: skip
-
 LOOKS_DOWN = 30.0  # degrees from straight down, in half of the frames, up to which nothing is said
 SURELY_DOWN = 15.0  # where another reading of a quaternion must lead to be named
 TAKEN = "quaternions taken as those of axes "  # and a name: what an import says, and notes

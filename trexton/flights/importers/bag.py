@@ -22,8 +22,6 @@ from trexton.flights.importers.recording import NANO, Recording
 from trexton.flights.importers.tracks import pose_track
 from trexton.vision.images import MOST_PIXELS, decode
 
-__all__ = ["Settings", "read", "recognises"]
-
 MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacked
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 # where the pose of each kind of message is

@@ -15,8 +15,6 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 
-__all__ = ["Shot", "read_shot", "time_of"]
-
 _GPS, _DETAILS = 0x8825, 0x8769  # EXIF directories
 # When it was taken, when the file was changed, and the parts of a second of each.
 _TAKEN = ((0x9003, 0x9291), (0x0132, 0x9290))

@@ -17,8 +17,6 @@ from trexton.flights.importers.recording import Recording
 from trexton.vision.camera import Rectification
 from trexton.vision.images import bgr_from_yuv
 
-__all__ = ["of_one_size", "rectification_of", "write_images"]
-
 QUALITY = 95  # of JPEG files that are written anew
 
 

@@ -19,8 +19,6 @@ from trexton.flights.importers.tracks import TUM, TrackColumns, trajectory_names
 from trexton.flights.tables import TextTable, is_number, read_table
 from trexton.vision.calibration import read_calibration
 
-__all__ = ["Euroc", "Features", "Table", "Tum"]
-
 _LISTS = ("rgb.txt", "images.txt", "left_images.txt", "times.txt")
 _TRACKS = ("mocap0", "vicon0", "leica0", "state_groundtruth_estimate0")
 _NANOSECONDS = 1e16  # stamps from here on cannot be seconds

@@ -16,8 +16,6 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.flights.tables import LENGTHS, TextTable
 
-__all__ = ["read_motion_capture"]
-
 _UNITS = {"meters": "m", "metres": "m", "centimeters": "cm", "millimeters": "mm"}
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?")
 

@@ -25,8 +25,6 @@ from trexton.flights.importers.recording import NANO, PoseTrack, Recording, besi
 from trexton.flights.tables import read_table
 from trexton.vision.images import natural_order
 
-__all__ = ["Settings", "read", "recognises"]
-
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 OTHERS = (".heic", ".heif", ".avif", ".webp", ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw")
 _BAND = re.compile(r"[_-](\d{1,2}|[A-Za-z]{2,6})$")  # ends the names of multispectral bands

@@ -16,8 +16,6 @@ from trexton.flights.frames import Forward, ImageFiles
 from trexton.flights.tables import TIMES
 from trexton.vision.camera import Camera, wrapped
 
-__all__ = ["NANO", "PoseTrack", "Recording", "beside", "local_metres", "match"]
-
 NANO = TIMES["s"]
 SAME_PLACE = 0.05  # metres: rows of one stamp that lie nearer tell the same, rounded
 

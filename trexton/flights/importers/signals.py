@@ -15,8 +15,6 @@ from trexton.flights.flight import Flight, area_around
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording
 from trexton.flights.tables import is_number, read_table
 
-__all__ = ["Settings", "read", "read_ble", "recognises"]
-
 PAUSE_S = 60.0  # between walks of the Bluetooth data, which were not recorded in this order
 
 

@@ -21,8 +21,6 @@ from trexton.flights.importers.mocap import read_motion_capture
 from trexton.flights.importers.recording import PoseTrack
 from trexton.flights.tables import LENGTHS, TIMES, TextTable, is_number, read_table
 
-__all__ = ["TUM", "TrackColumns", "pose_track", "read_track", "trajectory_names"]
-
 FULL_TURNS = 4 * np.pi  # radians: a yaw that is counted on through two turns
 
 

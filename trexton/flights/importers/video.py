@@ -20,8 +20,6 @@ from trexton.flights.importers.tracks import TrackColumns, read_track
 from trexton.vision.images import check_capture
 from trexton.vision.time_offset import small
 
-__all__ = ["Settings", "estimate_offset", "read", "recognises"]
-
 SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".m4v", ".webm")
 _GRID, _AROUND = 0.02, 0.3  # seconds between the offsets that are tried, and smoothed over
 _SURE = 0.5  # correlation from which an estimated offset is believed
