@@ -88,7 +88,8 @@ def _rows(path: str | Path) -> Iterator[dict[str, Any]]:
 
 def _checked(row: dict[str, Any]) -> dict[str, Any]:
     """The row itself; raises where it is no event and no position."""
-    numbers = [row.get("time_s") or 0.0, row.get("resets", 0)]
+    seconds = row.get("time_s")
+    numbers = [0.0 if seconds is None else seconds, row.get("resets", 0)]
     if "event" not in row:
         x, y = row["measurement_m"] if _fit(row) else (0.0, 0.0)
         numbers += [x, y, row["fault"] is None]
