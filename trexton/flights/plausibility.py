@@ -21,8 +21,9 @@ from trexton.flights.importers.axes import (
     quaternions_from_attitude,
     readings,
 )
-from trexton.flights.tracking import count_of, lost_rows, ranges, without_positions
+from trexton.flights.tracking import Doubt, count_of, lost_rows, ranges, without_positions
 from trexton.vision.camera import wrapped
+from trexton.vision.time_offset import small, time_offset, turns
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
@@ -34,21 +35,8 @@ MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all picture
 FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
+OFFSET_FRAMES = 400  # whose turning is measured
 TURNED = 0.5  # radians of yaw that other numbers would hardly look down over
-
-
-class Doubt(str):
-    """A sentence; `mend` does what it advises, where that can be done, and `done` says so."""
-
-    mend: Callable[[Flight], Flight] | None
-    done: str
-
-    def __new__(
-        cls, text: str, done: str = "", mend: Callable[[Flight], Flight] | None = None
-    ) -> Doubt:
-        made = super().__new__(cls, text)
-        made.mend, made.done = mend, done
-        return made
 
 
 def _scaled(factor: float, *columns: str) -> Callable[[Flight], Flight]:
@@ -209,6 +197,33 @@ def _view(flight: Flight) -> Iterator[str]:
     )
 
 
+def _turning(flight: Flight) -> Iterator[str]:
+    """Pictures that turn at another time than the yaw beside them, or the other way."""
+    if not flight.has_images or flight.attitude is None:
+        return
+    rows = np.flatnonzero(np.isfinite(flight.attitude[:, 2]))[:OFFSET_FRAMES]
+    try:
+        turned = turns(small(flight.image(row)) for row in rows)
+    except TrextonError:
+        return  # said already
+    found = time_offset(flight.time[rows], turned, flight.time[rows], flight.attitude[rows, 2])
+    if found is None or not found.sure:
+        return
+    if found.mirrored:
+        yield Doubt(
+            "the pictures turn against the yaw: a yaw that is counted clockwise, or pictures that "
+            "are mirrored? count it anticlockwise, as seen from above",
+            "yaw counted the other way",
+            lambda flight: replace(flight, attitude=np.array((1, 1, -1)) * flight.attitude),
+        )
+    elif found.noticeable:
+        late = f"{abs(found.seconds):.2f} s {'after' if found.seconds > 0 else 'before'}"
+        yield (
+            f"the pictures turn {late} the yaw does: stamps of two clocks, import again with "
+            f"--offset {found.seconds:.2f}"
+        )
+
+
 def _extent(flight: Flight) -> Iterator[str]:
     rows = np.flatnonzero(flight.located)
     if len(rows) < 2:
@@ -279,6 +294,6 @@ def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
 
 
 _CHECKS: tuple[Callable[[Flight], Iterator[str]], ...] = (
-    _outside, _tracking, _speed, _heights, _angles, _view, _extent,
+    _outside, _tracking, _speed, _heights, _angles, _view, _turning, _extent,
     _stamps, _splits, _floor,
 )  # fmt: skip

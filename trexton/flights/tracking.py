@@ -24,6 +24,20 @@ NAMED = 12  # ranges of frames that are told one by one
 Lost = tuple[str, np.ndarray]
 
 
+class Doubt(str):
+    """A sentence; `mend` does what it advises, where that can be done, and `done` says so."""
+
+    mend: Callable[[Flight], Flight] | None
+    done: str
+
+    def __new__(
+        cls, text: str, done: str = "", mend: Callable[[Flight], Flight] | None = None
+    ) -> Doubt:
+        made = super().__new__(cls, text)
+        made.mend, made.done = mend, done
+        return made
+
+
 def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
     """What is lost: a sentence of how, and its rows; empty where all can have been flown.
 
