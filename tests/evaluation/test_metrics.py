@@ -3,15 +3,8 @@
 import numpy as np
 import pytest
 
-from trexton.evaluation.metrics import (
-    block_rows,
-    constant_guess,
-    mean_over_groups,
-    shuffled_neighbors,
-    success_rate,
-    summarize,
-    wilson_interval,
-)
+from trexton.companion.experiments.rates import mean_over_groups, success_rate, wilson_interval
+from trexton.evaluation.metrics import block_rows, constant_guess, shuffled_neighbors, summarize
 
 
 def test_summary_of_one_run_equals_the_plain_definitions(rng):

@@ -11,8 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_room import observations, random_walk, rank_mixture
 
+from trexton.companion.experiments.rates import wilson_interval
 from trexton.companion.experiments.sweeps import TreeSearch
-from trexton.evaluation.metrics import block_rows, bootstrap_interval, summarize, wilson_interval
+from trexton.evaluation.metrics import block_rows, bootstrap_interval, summarize
 from trexton.evaluation.suitability import local_losses
 from trexton.flights import read_flight, write_flight
 from trexton.localization.estimate import Estimate

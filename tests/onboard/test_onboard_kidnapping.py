@@ -10,7 +10,7 @@ import pytest
 from trexton.base.errors import FlightError
 from trexton.base.streams import stream
 from trexton.companion.experiments import kidnapping
-from trexton.evaluation.metrics import wilson_interval
+from trexton.companion.experiments.rates import wilson_interval
 from trexton.flights import Flight
 
 

@@ -11,9 +11,9 @@ from plain_book import Prose
 from trexton.base.records import Record
 from trexton.companion.build import notebook
 from trexton.companion.build.notebook import Given
+from trexton.companion.experiments.rates import wilson_interval
 from trexton.companion.experiments.registry import EXPERIMENTS, LEDGER
 from trexton.companion.wording import apart, beside, fixed, interval, number, percent, times
-from trexton.evaluation.metrics import wilson_interval
 
 
 def entry(middle, low, high):

@@ -13,8 +13,8 @@ from trexton.base.records import Record, plain
 from trexton.companion.claims import rules
 from trexton.companion.claims.rules import Quantity
 from trexton.companion.experiments.printed import look_up, paper_file, published
+from trexton.companion.experiments.rates import wilson_interval
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.evaluation.metrics import wilson_interval
 
 __all__ = [
     "Claim", "Finding", "count_verdicts", "judge", "judge_all", "load_claims", "load_records",

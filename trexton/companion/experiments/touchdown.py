@@ -36,9 +36,9 @@ from trexton.companion.experiments.landings import (
     mission_over,
     zone_ring,
 )
+from trexton.companion.experiments.rates import success_rate
 from trexton.companion.experiments.style import COLORS, canvas
 from trexton.companion.wording import number, percent
-from trexton.evaluation.metrics import success_rate
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.localization.localizer import TextonMap

@@ -30,9 +30,10 @@ from trexton.companion.experiments.landings import (
     zone_ring,
 )
 from trexton.companion.experiments.printed import published
+from trexton.companion.experiments.rates import success_rate
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, show_floor
 from trexton.companion.wording import middle, number, percent
-from trexton.evaluation.metrics import bootstrap_interval, success_rate
+from trexton.evaluation.metrics import bootstrap_interval
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone
 
