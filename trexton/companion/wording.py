@@ -11,12 +11,22 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 __all__ = [
-    "METRES_FROM", "Tree", "apart", "as_html", "beside", "distance", "fixed",
+    "METRES_FROM", "Tree", "apart", "as_html", "beside", "distance", "fixed", "flight_title",
     "interval", "middle", "number", "percent", "span", "template_environment", "text", "times",
 ]  # fmt: skip
 
 METRES_FROM = 200  # centimetres: longer distances are said in metres
 UNKNOWN = "–"  # what a record holds no number for, as a correlation with what is constant
+_TITLES = {
+    "cyberzoo": "CyberZoo flight (real, unit in doubt)",
+    "sim-survey": "Virtual hall (simulated)",
+    "sim-waypoints": "Virtual hall, an hour later (simulated)",
+}
+
+
+def flight_title(name: str) -> str:
+    """A name that a reader can say; flights of a person's own keep the name in their header."""
+    return _TITLES.get(name, name)
 
 
 def number(value: float | None) -> str:

@@ -1,5 +1,4 @@
-"""Errors of estimated tracks with 95 % confidence intervals, baselines to compare them with, and
-times of frames, as records hold them.
+"""Errors of estimated tracks with 95 % confidence intervals, and baselines to compare them with.
 
 Errors are per axis, as the paper prints them, and Euclidean; intervals come from a block bootstrap
 with Student's t. Nothing is aligned before it is compared: estimates and ground truth
@@ -160,27 +159,3 @@ def shuffled_neighbors(
 ) -> np.ndarray:
     """``(count, 2)`` means of k random training positions: the k-NN with shuffled histograms."""
     return positions[rng.integers(len(positions), size=(count, k))].mean(axis=1)
-
-
-def milliseconds(runs: Sequence[np.ndarray], stretch: int = 20) -> dict[str, Any]:
-    """``median``, ``low``, ``high`` in ms of times in seconds.
-
-    Single frames now and then wait for the rest of the machine; the interval is that of medians
-    over `stretch` frames, which do not feel that.
-    """
-    pieces = [piece for run in runs for piece in np.array_split(run, max(1, len(run) // stretch))]
-    low, high = np.percentile([np.median(piece) for piece in pieces], (2.5, 97.5))
-    median = np.median(np.concatenate(runs))
-    times = {"median": median, "low": min(low, median), "high": max(high, median)}
-    return {name: 1000 * seconds for name, seconds in times.items()}
-
-
-def of_frames(seconds: np.ndarray, unit: str = "") -> dict[str, Any]:
-    """``median`` and ``p99`` of the seconds that single frames took; names may end in a unit."""
-    return {f"median{unit}": np.median(seconds), f"p99{unit}": np.percentile(seconds, 99)}
-
-
-def frequency(time_ms: dict[str, Any]) -> dict[str, Any]:
-    """The same as a rate in Hz."""
-    times = {"median": "median", "low": "high", "high": "low"}
-    return {name: 1000 / time_ms[time] for name, time in times.items()}

@@ -19,17 +19,6 @@ from trexton.base.plugins import resolve
 from trexton.base.progress import say
 from trexton.flights.writing import write_flight
 
-_TITLES = {
-    "cyberzoo": "CyberZoo flight (real, unit in doubt)",
-    "sim-survey": "Virtual hall (simulated)",
-    "sim-waypoints": "Virtual hall, an hour later (simulated)",
-}
-
-
-def flight_title(name: str) -> str:
-    """A name that a reader can say; flights of a person's own keep the name in their header."""
-    return _TITLES.get(name, name)
-
 
 @cache
 def registry() -> dict[str, dict[str, Any]]:

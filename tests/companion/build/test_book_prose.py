@@ -20,7 +20,7 @@ from trexton.companion.claims.ledger import load_claims
 from trexton.companion.claims.page import load_map, map_table
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.flights.registry import flight_title
+from trexton.companion.wording import flight_title
 
 LANDING = {"inside": 13, "landings": 38, "attempts": 50, "never_triggered": 12,
            "perfect": {"inside": 41, "landings": 45}, "first_flights": {"inside": 2}}  # fmt: skip

@@ -31,11 +31,11 @@ from trexton.companion.wording import (
     METRES_FROM,
     Tree,
     as_html,
+    flight_title,
     interval,
     middle,
     template_environment,
 )
-from trexton.flights.registry import flight_title
 
 __all__ = ["Given", "Page", "given", "ledger", "reference", "show_table", "swept"]
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import nbformat
 
-from trexton.flights.registry import flight_title
+from trexton.companion.wording import flight_title
 
 __all__ = ["figure_names", "joined", "label_of"]
 

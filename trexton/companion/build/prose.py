@@ -29,9 +29,8 @@ from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import kept_results
-from trexton.companion.wording import Tree, template_environment
+from trexton.companion.wording import Tree, flight_title, template_environment
 from trexton.flights.importers import describe
-from trexton.flights.registry import flight_title
 from trexton.localization.landing import TouchdownZone
 from trexton.localization.training_set import EXCLUDED_SECONDS
 from trexton.onboard.edges import Edge, classes_of_options, edge_classes

@@ -29,8 +29,7 @@ from trexton.companion.claims.ledger import (
 from trexton.companion.claims.rules import VERDICTS
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.companion.wording import number
-from trexton.flights.registry import flight_title
+from trexton.companion.wording import flight_title, number
 
 __all__ = ["Item", "claims_html", "counts_html", "filters_html", "load_map", "map_table"]
 

@@ -29,6 +29,7 @@ from trexton.companion.experiments.evaluation import (
     neighbor_means,
     whereabouts,
 )
+from trexton.companion.experiments.rates import of_frames
 from trexton.companion.experiments.style import (
     COLORS,
     canvas,
@@ -40,13 +41,7 @@ from trexton.companion.experiments.style import (
 )
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import middle
-from trexton.evaluation.metrics import (
-    constant_guess,
-    euclidean,
-    of_frames,
-    shuffled_neighbors,
-    summarize,
-)
+from trexton.evaluation.metrics import constant_guess, euclidean, shuffled_neighbors, summarize
 from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer

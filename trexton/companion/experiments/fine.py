@@ -23,10 +23,10 @@ from trexton.companion.experiments.declaration import SURVEYED, Experiment, Seed
 from trexton.companion.experiments.floors import painted_floor
 from trexton.companion.experiments.kidnapping import recovered_after
 from trexton.companion.experiments.mosaic import stitched_map
-from trexton.companion.experiments.rates import mean_over_groups, success_rate
+from trexton.companion.experiments.rates import mean_over_groups, of_frames, success_rate
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import HELD
-from trexton.evaluation.metrics import euclidean, mean_with_interval, of_frames
+from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import Trust, learn_trust

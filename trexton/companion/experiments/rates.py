@@ -1,5 +1,7 @@
-"""Rates and means over floors or flights, with 95 % intervals: Wilson's score for rates, also where
-trials come in clusters, Student's t for means.
+"""Rates and means over floors or flights, and times of frames, as records hold them.
+
+Intervals of 95 %: Wilson's score for rates, also where trials come in clusters, Student's t for
+means.
 """
 
 from __future__ import annotations
@@ -86,3 +88,27 @@ def mean_over_groups(
         return {"value": mean, "low": None, "high": None}
     reach = -float(stdtrit(count - 1, 0.025) * (np.std(values, ddof=1) / np.sqrt(count)))
     return {"value": mean, "low": max(lowest, mean - reach), "high": min(highest, mean + reach)}
+
+
+def milliseconds(runs: Sequence[np.ndarray], stretch: int = 20) -> dict[str, Any]:
+    """``median``, ``low``, ``high`` in ms of times in seconds.
+
+    Single frames now and then wait for the rest of the machine; the interval is that of medians
+    over `stretch` frames, which do not feel that.
+    """
+    pieces = [piece for run in runs for piece in np.array_split(run, max(1, len(run) // stretch))]
+    low, high = np.percentile([np.median(piece) for piece in pieces], (2.5, 97.5))
+    median = np.median(np.concatenate(runs))
+    times = {"median": median, "low": min(low, median), "high": max(high, median)}
+    return {name: 1000 * seconds for name, seconds in times.items()}
+
+
+def of_frames(seconds: np.ndarray, unit: str = "") -> dict[str, Any]:
+    """``median`` and ``p99`` of the seconds that single frames took; names may end in a unit."""
+    return {f"median{unit}": np.median(seconds), f"p99{unit}": np.percentile(seconds, 99)}
+
+
+def frequency(time_ms: dict[str, Any]) -> dict[str, Any]:
+    """The same as a rate in Hz."""
+    times = {"median": "median", "low": "high", "high": "low"}
+    return {name: 1000 / time_ms[time] for name, time in times.items()}
