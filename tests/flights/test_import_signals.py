@@ -54,7 +54,8 @@ def test_the_public_walks_become_one_flight_with_splits(tmp_path):
     files = [tmp_path / f"{name}.mbd" for name in ("straight", "rectangular")]
     for number, file in enumerate(files):
         rows = [
-            f"{9 - number}{row}.0,r{row % 2},beacon,-{60 + row},{row},1,2" + ",0" * 10
+            f"{9 - number}{row}.0,r{row % 2},beacon,-{60 + row},{row},1,2"
+            + ",0" * 9  # sixteen fields, as published
             for row in range(4)
         ]
         file.write_text("\n".join(rows))

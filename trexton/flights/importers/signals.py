@@ -100,7 +100,7 @@ def read(source: Path, settings: Settings) -> Recording:
 
 def read_ble(*files: Path) -> Flight:
     """The public Bluetooth walks as one flight: those to train on, then the rectangular ones."""
-    settings = Settings(columns="stamp,source,beacon,value,x,y,z,w0,w1,w2,w3,w4,w5,w6,w7,w8,w9")
+    settings = Settings(columns="stamp,source,beacon,value,x,y,z,w0,w1,w2,w3,w4,w5,w6,w7,w8")
     logs = [_Log.of(path, settings.columns) for path in files]
     sources, clock, parts = np.unique(np.concatenate([log.source for log in logs])), 0.0, []
     for log in logs:
