@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import fuzz_targets
 import fuzzing
 import numpy as np
 import pytest
@@ -39,7 +40,7 @@ NAMES = (
 @pytest.fixture(scope="module")
 def targets(tmp_path_factory):
     set_quiet(True)
-    found = fuzzing.targets(tmp_path_factory.mktemp("fuzz"))
+    found = fuzz_targets.targets(tmp_path_factory.mktemp("fuzz"))
     assert tuple(found) == NAMES
     return found
 
