@@ -49,6 +49,7 @@ FAR = np.where(np.arange(600)[:, None] % 100 == 7, 1000.0, 0.0)
         (lambda f: {"height": np.full(600, 120.0)}, "heights in centimetres? write metres"),
         (lambda f: {"height": np.zeros(600)}, "all 600 heights are 0: write metres above"),
         (lambda f: {"attitude": np.tile([1.0, 2.0, 85.0], (600, 1))}, "degrees? write radians"),
+        (lambda f: {"histograms": np.full((600, 4), 0.25)}, "all histograms are the same"),
     ],
 )  # fmt: skip
 def test_what_looks_wrong_is_one_warning_with_what_to_do(change, words, tmp_path):
@@ -90,6 +91,14 @@ def test_headers_that_lead_nowhere_are_faults(row, text, fault, flight_folder):
         lines[row - 1] = text
     header.write_text("\n".join(lines))
     assert [fault in line for line in check_flight(flight_folder).faults] == [True]
+
+
+def test_a_floor_far_from_where_x_and_y_are_zero_is_no_fault(flight_folder):
+    cv2.imwrite(str(flight_folder / "f.png"), np.zeros((4, 4, 3), np.uint8))
+    place = "[[0.002, 0, 6e5], [0, -0.002, 5.7e6], [0, 0, 1]]"  # as UTM counts
+    with open(flight_folder / "flight.toml", "a") as header:
+        header.write(f'\n[floor]\nimage = "f.png"\nworld_from_pixel = {place}\n')
+    assert not check_flight(flight_folder).faults
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,13 @@ def _frames(value: Any) -> bool:
 def _invertible(rows: Any) -> bool:
     if not (isinstance(rows, list) and len(rows) == 3 and all(_numbers(row, 3) for row in rows)):
         return False
-    return bool(np.linalg.matrix_rank(np.array(rows, dtype=float)) == 3)
+    matrix = np.array(rows, dtype=float)
+    for axis in (0, 1):  # whatever the scales: pixels of millimetres, thousands of kilometres away
+        largest = np.abs(matrix).max(axis=axis, keepdims=True)
+        if not largest.all():
+            return False
+        matrix = matrix / largest
+    return bool(np.linalg.cond(matrix) < 1e10)
 
 
 # By their tables, those of "" stand outside of any: what a value must be, in code and in words.

@@ -43,9 +43,7 @@ def _scaled(factor: float, *columns: str) -> Callable[[Flight], Flight]:
     """Multiplies columns, and the area with the positions where it is their own."""
 
     def mend(flight: Flight) -> Flight:
-        changes: dict[str, Any] = {
-            name: factor * np.array(getattr(flight, name)) for name in columns
-        }
+        changes: dict[str, Any] = {key: factor * np.array(getattr(flight, key)) for key in columns}
         return replace(flight, **changes)
 
     return mend
@@ -289,11 +287,17 @@ def _floor(flight: Flight) -> Iterator[str]:
         )
 
 
+def _features(flight: Flight) -> Iterator[str]:
+    histograms = flight.histograms
+    if histograms is not None and len(flight) > 2 and not np.ptp(histograms, axis=0).any():
+        yield "all histograms are the same: no frame can be told from another"
+
+
 def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
     return int(flight.frame[rows[int(chosen.argmax())]])
 
 
 _CHECKS: tuple[Callable[[Flight], Iterator[str]], ...] = (
     _outside, _tracking, _speed, _heights, _angles, _view, _turning, _extent,
-    _stamps, _splits, _floor,
+    _stamps, _splits, _floor, _features,
 )  # fmt: skip
