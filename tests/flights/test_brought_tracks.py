@@ -37,6 +37,15 @@ def test_stamps_of_positions_that_repeat_or_go_back(tmp_path):
     assert "rows 17 and 22: one stamp, but places" in said[2]
 
 
+def test_stamps_that_are_rounded_contradict_nothing(tmp_path):
+    rows = [f"{i // 10 / 10:.1f} {i * 0.1:.1f} 0 1 1 0 0 0" for i in range(200)]
+    (tmp_path / "g.txt").write_text("\n".join(rows))
+    track, said = read_track(tmp_path / "g.txt", TrackColumns())
+    np.testing.assert_allclose(track.position[:, 0], np.arange(20))
+    assert "180 rows of positions with a repeated stamp dropped" in said[0]
+    assert not any("contradict" in line or "left out" in line for line in said)
+
+
 @pytest.mark.parametrize(("turn", "said"), [(0, ""), (65, "65 degrees"), (180, "180 degrees")])
 def test_a_camera_that_does_not_look_down_is_named(tmp_path, turn, said):
     half = np.radians(turn) / 2

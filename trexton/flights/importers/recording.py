@@ -80,7 +80,9 @@ class PoseTrack:
         _, first, group = np.unique(self.time_ns[order], return_index=True, return_inverse=True)
         place = self.position[order, :2]
         apart = np.hypot(*(place - place[first][group]).T)
-        against = np.flatnonzero(apart > SAME_PLACE)
+        steps = np.hypot(*np.diff(place[first], axis=0).T)  # stamps may be rounded
+        usual = np.median(steps[np.isfinite(steps)]) if np.isfinite(steps).any() else 0.0
+        against = np.flatnonzero(apart > max(SAME_PLACE, 2 * usual))
         wrong = np.isin(group, group[against])
         kept = np.isin(np.arange(len(order)), first) & ~wrong
         said = []
