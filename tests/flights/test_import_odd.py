@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sqlite3
+from contextlib import closing
 
 import cv2
 import numpy as np
@@ -218,6 +220,24 @@ def test_a_bag_that_is_packed_as_a_file_is_to_be_converted(tmp_path):
     write_bag(tmp_path / "bag", "SQLITE3", "FILE")
     with pytest.raises(TrextonError, match="packed as a whole file: convert it"):
         import_flight(tmp_path / "bag", tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    "computed",
+    [
+        "CREATE VIEW v AS WITH RECURSIVE r(i) AS (VALUES(1) UNION SELECT i + 1 FROM r) SELECT 1",
+        "CREATE TABLE t (a, b GENERATED ALWAYS AS (zeroblob(900000000)))",
+    ],
+)
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_bag_whose_messages_are_computed_is_refused(tmp_path, computed, alone):
+    write_bag(tmp_path / "bag")
+    (file,) = (tmp_path / "bag").glob("*.db3")
+    with closing(sqlite3.connect(file)) as base:
+        base.execute(computed)
+    source = file.rename(tmp_path / "b.db3") if alone else tmp_path / "bag"
+    with pytest.raises(TrextonError, match="is computed: expected stored messages"):
+        import_flight(source, tmp_path / "out")
 
 
 def test_a_video_that_declares_too_much_is_refused_before_a_frame_is_made(tmp_path, monkeypatch):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
@@ -120,6 +122,7 @@ class _Bag:
 
         _bound_unpacking()
         try:
+            _check_tables(self.source)
             reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
         except Exception as error:  # whatever a damaged bag makes the reader raise
@@ -184,6 +187,16 @@ def _bounded(kind: Callable[[], Any]) -> Callable[..., bytes]:
         return whole
 
     return unpack
+
+
+def _check_tables(source: Path) -> None:
+    """Refuse a database whose messages are computed as they are read: they may never end."""
+    for file in source.glob("*.db3") if source.is_dir() else [source] * (source.suffix == ".db3"):
+        address = f"{file.resolve().as_uri()}?mode=ro&immutable=1"
+        with closing(sqlite3.connect(address, uri=True)) as base:
+            for name, made in base.execute("SELECT name, sql FROM sqlite_master"):
+                if re.search(r"\bas\b", made or "", re.IGNORECASE):
+                    raise ValueError(f"its {name!r} is computed: expected stored messages")
 
 
 def _refuse_file(*_: Any) -> NoReturn:
