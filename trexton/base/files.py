@@ -105,9 +105,7 @@ def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) 
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Refuse a file that could not be written, before the work that would be lost, by a
-    `ParameterError`.
-    """
+    """Refuse a file that cannot be written, by a `ParameterError` before the work is lost."""
     path = Path(path)
     above = next(each for each in path.absolute().parents if each.exists())
     if path.is_dir():
@@ -118,18 +116,8 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 
 def check_replaceable(path: Path, replace: bool) -> None:
-    """Refuse to write a folder over something of a person's.
-
-    Parameters
-    ----------
-    path : Path
-    replace : bool
-        A person said that the folder may go.
-
-    Raises
-    ------
-    TrextonError
-        `path` is the folder one stands in, a link, a file, or a folder that holds something.
+    """Refuse to write a folder over where one stands, a link, a file, or, unless `replace`, a
+    folder that holds something, by a `TrextonError`.
     """
     if path.resolve() in (Path.cwd(), *Path.cwd().parents):
         raise TrextonError(f"{path}: cannot replace the folder you stand in: name a new folder")

@@ -69,10 +69,7 @@ def smooth(
 
 
 def heat_map(
-    values: np.ndarray,
-    positions: np.ndarray,
-    area: tuple[float, float, float, float],
-    sigma: float,
+    values: np.ndarray, positions: np.ndarray, area: tuple[float, float, float, float], sigma: float
 ) -> np.ndarray:
     """Assign a value to every place of the floor: the samples' values, smoothed with a Gaussian.
 

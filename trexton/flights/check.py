@@ -29,9 +29,7 @@ MOST_ROUNDS = 10  # a repair may uncover what another repairs
 
 @dataclass(frozen=True)
 class Report:
-    """What `check_flight` found: facts (name, text), faults that forbid the flight's use, and
-    warnings.
-    """
+    """What `check_flight` found: facts (name, text), faults that forbid its use, and warnings."""
 
     path: Path
     facts: list[tuple[str, str]] = field(default_factory=list)

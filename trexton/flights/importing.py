@@ -13,12 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.base.files import (
-    atomic_folder,
-    check_not_read,
-    check_replaceable,
-    clean_leftovers,
-)
+from trexton.base.files import atomic_folder, check_not_read, check_replaceable, clean_leftovers
 from trexton.base.options import Options, option
 from trexton.flights.check import facts
 from trexton.flights.flight import Flight, area_around
@@ -170,7 +165,7 @@ def preview_import(
     rows += facts(flight)
     if plan.rectification is not None:
         rows.append(("images", "x".join(map(str, plan.rectification.size)) + " pixels"))
-    return rows + [("found", line) for line in (*recording.said, *plan.matched)]
+    return rows + [("note", line) for line in (*recording.said, *plan.matched)]
 
 
 def _ordered(recording: Recording) -> Recording:

@@ -24,7 +24,7 @@ def of_one_size(recording: Recording) -> Recording:
     """The frames whose image is of the size of most, and a sentence where others are left out."""
     if not isinstance(frames := recording.frames, ImageFiles):
         return recording
-    sizes = [_size(frames[row]) for row in range(len(frames))]
+    sizes = [_size(frames[row]) for row in progress(range(len(frames)), "sizes", len(frames))]
     width, height = usual = Counter(sizes).most_common(1)[0][0]
     others = [row for row, size in enumerate(sizes) if size != usual]
     if not others:

@@ -79,9 +79,7 @@ def recognises(source: Path) -> bool:
     if not (source.is_file() and source.suffix.lower() in (".csv", ".tsv", ".txt")):
         return False
     with open(source, encoding="utf-8", errors="replace") as stream:
-        return {"stamp", "source", "value"} <= {
-            name.strip() for name in stream.readline().split(",")
-        }
+        return {"stamp", "source", "value"} <= {*map(str.strip, stream.readline().split(","))}
 
 
 def read(source: Path, settings: Settings) -> Recording:

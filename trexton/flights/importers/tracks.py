@@ -133,9 +133,7 @@ def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]
         track, more = TrackColumns(**{**names, **asked, "body": ""}).of(table)
         return track, said + more
     fields = _first_fields(path)
-    if len(fields) in (8, 9) and all(
-        map(is_number, fields)
-    ):  # as TUM writes it, with blanks between its numbers
+    if len(fields) in (8, 9) and all(map(is_number, fields)):  # as TUM writes it, with blanks
         table = read_table(path, trajectory_names(path, TUM.quaternion))
         return replace(TUM, axes=columns.axes).of(table)
     return columns.of(read_table(path))
