@@ -157,10 +157,14 @@ def test_equal_training_gives_equal_bytes(field):
         np.testing.assert_array_equal(array, field.arrays()[name])
 
 
-def test_a_field_that_does_not_fit_its_grid_is_refused(field):
+def test_arrays_that_do_not_fit_each_other_or_the_grid_are_refused(field):
     arrays = field.arrays()
+    for name, array in arrays.items():
+        with pytest.raises(MapError, match=f"{name} has shape"):
+            Field.from_arrays(arrays | {name: array[None]})
+    fewer = {name: arrays[name][:-1] for name in ("mean", "variance", "prior")}
     with pytest.raises(MapError, match="fits no grid"):
-        Field.from_arrays(arrays | {"mean": arrays["mean"][:-1]})
+        Field.from_arrays(arrays | fewer)
     with pytest.raises(MapError, match="noise is not finite"):
         Field.from_arrays(arrays | {"noise": np.nan * arrays["noise"]})
 

@@ -74,6 +74,14 @@ def test_ones_own_is_chosen_by_name_and_flown_from_the_stored_map(tmp_path):
     assert estimate.joint.shape == (4, 4)
 
 
+@pytest.mark.parametrize("name", ["speed", "period_s", "acceleration", "time_constant_s"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf, [0.1]])
+def test_what_was_learned_is_a_positive_number(motion, name, value):
+    arrays = motion.arrays() | {name: np.asarray(value)}
+    with pytest.raises(ParameterError, match=f"{name} is .*expected a positive number"):
+        Singer.from_arrays(arrays)
+
+
 def test_a_step_is_two_halves(motion):
     whole, noise = motion.over(0.2)
     half, part = motion.over(0.1)

@@ -25,7 +25,7 @@ from trexton.field.likelihood import (
     log_prior,
     rbf_kernel,
     tile_bases,
-)  # fmt: skip
+)
 from trexton.localization.base import learned
 from trexton.localization.estimate import Estimate, ignorance
 from trexton.localization.measurement import MeasurementModel
@@ -149,14 +149,21 @@ class Field(MeasurementModel):
         return len(self.axes)
 
     def prepare(self) -> None:
-        """Raise `MapError` for arrays that are not finite or do not fit the grid."""
+        """Raise `MapError` for arrays that are not finite, or do not fit each other or the grid."""
+        d, count = len(self.center), len(self.variance)
+        shapes: dict[str, tuple[int, ...]] = {
+            "axes": (len(self.axes), d), "center": (d,), "signal": (d,), "noise": (d, d),
+            "mean": (count, d), "variance": (count,), "prior": (count,), "area": (4,),
+            "errors": (3,), "error_coefficients": (3,), "offsets": (len(self.offsets), 2),
+        }  # fmt: skip
         for name, array in self.arrays().items():
+            if array.shape != shapes.get(name, ()):  # all others are numbers
+                raise MapError(f"the field's {name} has shape {array.shape}: train the map again")
             if not np.isfinite(array).all():
                 raise MapError(f"the field's {name} is not finite: fly over more of the floor")
-        d = len(self.center)
         wanted = min(self.cells, max(16, MAX_TABLE // d))
         self.centers, self.shape = grid_cells(tuple(self.area.tolist()), wanted)
-        if self.mean.shape != (len(self.centers), d):
+        if len(self.centers) != count:
             raise MapError(f"a field of shape {self.mean.shape} fits no grid: train the map again")
         self.features = Features(self.axes, bool(self.signed))
         self._tables: dict[int | None, TileTables] = {}

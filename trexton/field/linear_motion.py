@@ -13,6 +13,7 @@ from typing import Self
 
 import numpy as np
 
+from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.localization.base import Area, learned
 from trexton.localization.motion import MotionModel, uniform_places
@@ -60,6 +61,9 @@ class LinearMotion(MotionModel):
         return self.transition
 
     def prepare(self) -> None:
+        for name, value in self.arrays().items():
+            if not (value.shape == () and 0 < value < np.inf):
+                raise ParameterError(f"the motion's {name} is {value}: expected a positive number")
         self.transition, self.noise = self.over(float(self.period_s))
         self._color = np.linalg.cholesky(self.noise + 1e-12 * np.eye(len(self.noise)))
         self._whiten = np.linalg.inv(self._color)
