@@ -37,11 +37,16 @@ def thread_count() -> int:
 
 
 def in_strips(work: Callable[[slice], T], rows: int) -> list[T]:
-    """Call `work` on equal slices of `rows` rows, one a thread."""
+    """Call `work` on equal slices of `rows` rows, one a thread, the first of them in this one."""
     strips = min(thread_count(), rows)
-    bounds = [rows * i // strips for i in range(strips + 1)]
-    slices = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
-    return list(ahead(work, slices))
+    own, *others = (slice(rows * i // strips, rows * (i + 1) // strips) for i in range(strips))
+    if not others:
+        return [work(own)]
+    from concurrent.futures import ThreadPoolExecutor  # it takes a while to load
+
+    with ThreadPoolExecutor(len(others), initializer=_work) as pool:
+        waiting = pool.map(work, others)
+        return [work(own), *waiting]
 
 
 def ahead(work: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:
