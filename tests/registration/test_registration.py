@@ -148,7 +148,7 @@ def test_alignment_finds_the_pose_from_six_centimetres_away(known):
     pose = np.array([2.4, 2.6, 1.03, 0.05, -0.06, 0.3])
     start = pose + [0.05, -0.04, -0.03, *(np.zeros(3) if known else (-0.05, 0.06, 0.04))]
     deviation = np.array([np.inf, np.inf, 0.05, *([0.005] * 3 if known else [0.07] * 3)])
-    found = aligner.align(view(pose), start, start, deviation)
+    found = aligner.align(view(pose), start, deviation)
     assert np.hypot(*(found.pose - pose)[:2]) < 0.004
     assert np.abs(found.pose - pose)[3:].max() < 0.005
     assert found.score > 0.8
@@ -158,7 +158,7 @@ def test_alignment_finds_the_pose_from_six_centimetres_away(known):
 def test_alignment_where_nothing_is_mapped_says_so():
     aligner = Aligner(Ground.from_map(floor(), fine_cell(CAMERA, 1.0)), SMALL)
     away = np.array([20.0, 20.0, 1, 0, 0, 0])
-    found = aligner.align(view(away), away, away, np.full(6, 0.1))
+    found = aligner.align(view(away), away, np.full(6, 0.1))
     assert found.score == 0 and not np.isfinite(found.flow)
 
 

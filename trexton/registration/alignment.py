@@ -73,25 +73,21 @@ class Aligner:
         mask = cv2.warpPerspective(self._mask, matrix, size, flags=cv2.INTER_NEAREST | inverse)
         return picture, mask
 
-    def align(
-        self, frame: np.ndarray, start: np.ndarray, expected: np.ndarray, deviation: np.ndarray
-    ) -> Alignment:
+    def align(self, frame: np.ndarray, start: np.ndarray, deviation: np.ndarray) -> Alignment:
         """Align a frame from a start that is off by no more than about a tenth of its width.
 
         Parameters
         ----------
         frame : (h, w) uint8 array
-        start : (6,) array
-            Pose at which the expected view is made.
-        expected, deviation : (6,) arrays
-            What is known of the pose beforehand, and its standard deviations (inf: nothing).
+        start, deviation : (6,) arrays
+            The pose expected, at which the view is made, and its standard deviations (inf: any).
         """
         seen = flattened(frame)
-        aligned = self._once(seen, start, expected, deviation)
+        aligned = self._once(seen, start, start, deviation)
         for _ in range(2):
             if not _FAR < aligned.flow < np.inf:
                 break
-            aligned = self._once(seen, aligned.pose, expected, deviation)
+            aligned = self._once(seen, aligned.pose, start, deviation)
         if aligned.flow < np.inf:
             picture, mask = self.view(self._world(aligned.pose))
             aligned = replace(aligned, score=_score(seen, flattened(picture, mask), mask))

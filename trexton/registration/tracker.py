@@ -192,7 +192,7 @@ class FloorTracker:
             deviation = seen.prior.deviation
             if index == continued:
                 deviation = np.array([*[KNOWN * self.coarse.ground.cell] * 2, *deviation[2:]])
-            aligned = self.aligner.align(seen.frame, start, start, deviation)
+            aligned = self.aligner.align(seen.frame, start, deviation)
             candidates.append(_Candidate(place, held, aligned))
         return candidates
 
