@@ -21,27 +21,27 @@ def test_without_a_heading_roll_and_pitch_still_count():
 
 
 @pytest.mark.parametrize("off", [(0.0, 0.0), (0.05, 0.0), (0.0, -0.17), (0.26, 0.1)])
-def test_a_tilt_that_is_told_askew_is_learned(off):
+def test_the_bias_of_a_measured_tilt_is_learned(off):
     tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
-    askew = [(frame, place, attitude + [*off, 0]) for frame, place, attitude in flight(60)]
-    error, _ = errors(tracker, askew, True)
+    biased = [(frame, place, attitude + [*off, 0]) for frame, place, attitude in flight(60)]
+    error, _ = errors(tracker, biased, True)
     assert error[25:].mean() < 0.012
     assert np.abs(tracker.pose_prior.tilt.mean + off).max() < 0.009
     said = tracker.pose_prior.tilt.tilt_bias
     assert said is None if max(np.abs(off)) < 0.03 else np.abs(said - off).max() < 0.009
     assert (tracker.tilt_bias is None) == (said is None)
     tracker.step(flight(60)[-1][0])
-    assert tracker.tilt_bias is None  # nobody tells a tilt any more
+    assert tracker.tilt_bias is None  # no tilt is measured any more
 
 
-@pytest.mark.parametrize("told", [[[-1, 0], [0, -1]], [[0, 1], [1, 0]]], ids=["signs", "order"])
-def test_roll_and_pitch_of_another_convention_mislead_little(told):
+@pytest.mark.parametrize("axes", [[[-1, 0], [0, -1]], [[0, 1], [1, 0]]], ids=["signs", "order"])
+def test_roll_and_pitch_of_another_convention_mislead_little(axes):
     tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
     rows = waypoints()
-    turned = [(frame, place, [*(told @ angles[:2]), angles[2]]) for frame, place, angles in rows]
+    turned = [(frame, place, [*(axes @ angles[:2]), angles[2]]) for frame, place, angles in rows]
     error, _ = errors(tracker, turned, True)
     assert error[50:].mean() < 0.009
-    assert tracker.tilt_bias is not None  # somebody should be told
+    assert tracker.tilt_bias is not None  # worth a warning
 
 
 def test_an_unmeasured_tilt_is_expected_as_it_was():

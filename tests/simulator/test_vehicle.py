@@ -68,7 +68,7 @@ def test_landing_takes_time_and_drifts():
     assert 0.1 < np.mean(drift) < 0.6 and np.std(drift) > 0.02
 
 
-def test_it_lands_and_can_be_carried_away():
+def test_it_lands_and_can_be_kidnapped():
     vehicle = Vehicle((1.0, 1.0), rng=np.random.default_rng(4))
     vehicle.land()
     vehicle.advance(8.0)

@@ -20,14 +20,7 @@ from trexton.field.likelihood import better_half
 from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate
 from trexton.localization.texton_map import TextonMap
-from trexton.vision.correction import (
-    HEADING,
-    HEIGHT,
-    STATES,
-    FrameMotion,
-    affine,
-    corrected_frame,
-)
+from trexton.vision.correction import HEADING, HEIGHT, STATES, FrameMotion, affine, corrected_frame
 
 TRIALS, PATCHES = 16, 300  # states tried about the last one, and on how many patches of a frame
 PRIOR_SIGMA = np.array([0.25, 0.04, 0.04, 0.0, 0.1])  # about the survey; of any heading

@@ -23,7 +23,7 @@ from trexton.field.likelihood import (
     log_prior,
     rbf_kernel,
     tile_bases,
-)  # fmt: skip
+)
 from trexton.field.process import (
     NOISES,
     Block,
@@ -31,7 +31,7 @@ from trexton.field.process import (
     blocks_in_space,
     blocks_in_time,
     select_length,
-)  # fmt: skip
+)
 from trexton.field.tiles import Tiles
 from trexton.localization.base import Area
 

@@ -10,11 +10,7 @@ import numpy as np
 
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area
-from trexton.localization.neighbors import (
-    Distance,
-    NearestHistograms,
-    neighbors_in_flight,
-)
+from trexton.localization.neighbors import Distance, NearestHistograms, neighbors_in_flight
 from trexton.vision.textons import TextonDictionary
 
 # Frames closer in time than this see nearly the same floor: as neighbours they would flatter the

@@ -18,7 +18,7 @@ from trexton.simulator.mats import (
     line,
     polygon,
     turning,
-)  # fmt: skip
+)
 from trexton.vision.camera import MapImage, outline
 
 SIDE = 5.0

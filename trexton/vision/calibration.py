@@ -11,13 +11,12 @@ import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
 from trexton.base.files import read_text
-from trexton.vision.camera import Camera
+from trexton.vision.camera import COEFFICIENTS, Camera
 from trexton.vision.images import MOST_PIXELS
 
 # OpenCV may add every point it saw. What may open a level is counted: parsers call themselves for
 # each, and may overflow the stack.
 MOST_CHARACTERS = 2**17
-_COEFFICIENTS = (4, 5, 8, 12, 14)
 # What the radial and tangential model is called; a fisheye's coefficients mean something else.
 _RADIAL = ("radial-tangential", "radtan", "plumb_bob")
 OPENING, MOST_OPENINGS = "[{<:-?", 10_000
@@ -49,8 +48,8 @@ def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.
     wrong = ""
     if camera.width * camera.height > MOST_PIXELS or not np.isfinite(distortion).all():
         wrong = f"expected a picture of 1 to {MOST_PIXELS:,} pixels and finite numbers"
-    elif distortion.any() and len(distortion) not in _COEFFICIENTS:
-        taken = ", ".join(map(str, _COEFFICIENTS))
+    elif distortion.any() and len(distortion) not in COEFFICIENTS:
+        taken = ", ".join(map(str, COEFFICIENTS[1:]))
         wrong = f"{len(distortion)} distortion coefficients: OpenCV takes {taken}"
     if wrong:
         raise FlightError(f"{path}: {wrong}: correct it")
@@ -113,6 +112,6 @@ def _yaml(text: str) -> Mapping[str, Any]:
         # A few that name one another stand for billions of values.
         if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(lines, Loader)):
             raise ValueError("an alias in it")
-        return yaml.load(lines, Loader)  # a safe loader: it makes no objects
+        return yaml.load(lines, Loader)  # `safe_load`, with OpenCV's tags: it makes no objects
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from None
