@@ -52,8 +52,8 @@ def test_a_camera_that_does_not_look_down_is_named(tmp_path, turn, said):
     turned = f"{np.cos(half)} 0 0 {np.sin(half)}"  # about its right, from straight down
     rows = [f"{i / 10} {i} 0 1 {turned}" for i in range(9)]
     (tmp_path / "g.txt").write_text("\n".join(rows))
-    track, told = read_track(tmp_path / "g.txt", TrackColumns(axes="camera"))
-    assert any(said in line for line in told[1:]) == bool(said)
+    track, lines = read_track(tmp_path / "g.txt", TrackColumns(axes="camera"))
+    assert any(said in line for line in lines[1:]) == bool(said)
     flight = replace(
         small_flight(9), position=track.position[:, :2], attitude=track.attitude,
         area=(-1, 9, -1, 1),

@@ -75,7 +75,7 @@ def test_undistorting_changes_the_images_and_cropping_the_camera(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "message"),
     [
         ({"undistort": "CALIBRATION"}, "the calibration is for 640x480, the images are 64x48"),
         ({"undistort": "STRAIGHT"}, "no calibration with radial and tangential distortion"),
@@ -83,7 +83,7 @@ def test_undistorting_changes_the_images_and_cropping_the_camera(tmp_path):
         ({"crop": "1,0,64,48"}, "the images are 64x48 pixels"),
     ],
 )
-def test_lenses_and_crops_that_do_not_fit_are_refused(tmp_path, settings, told):
+def test_lenses_and_crops_that_do_not_fit_are_refused(tmp_path, settings, message):
     source = euroc(tmp_path / "MH")
     sensor = (source / "mav0" / "cam0" / "sensor.yaml").read_text()
     (tmp_path / "CALIBRATION").write_text(sensor.replace("64, 48", "640, 480"))
@@ -92,7 +92,7 @@ def test_lenses_and_crops_that_do_not_fit_are_refused(tmp_path, settings, told):
     given = {
         name: value if name == "crop" else str(tmp_path / value) for name, value in settings.items()
     }
-    with pytest.raises(TrextonError, match=told):
+    with pytest.raises(TrextonError, match=message):
         import_flight(source, tmp_path / "out", settings=given)
     assert not (tmp_path / "out").exists()
 

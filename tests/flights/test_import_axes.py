@@ -1,4 +1,4 @@
-"""Quaternions are turned as they are meant, by axes that are told or found, and positions
+"""Quaternions are turned as they are meant, by axes that are given or estimated, and positions
 and attitudes matched with the frames."""
 
 import numpy as np

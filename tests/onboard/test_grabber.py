@@ -24,7 +24,7 @@ from trexton.onboard.tally import Tally
 
 
 class Scripted(Source):
-    """A live source that does what it is told: frames, errors, gates to wait at."""
+    """A live source that follows a script: frames, errors, gates to wait at."""
 
     def __init__(self, *steps):
         self.steps, self.opened, self.closed = list(steps), 0, 0

@@ -251,7 +251,7 @@ def error_terms(variances: np.ndarray) -> np.ndarray:
     and that ratio itself, of the field's `variances` ``(M,)`` as shares of the signal.
 
     With a larger variance a place is located less exactly; where next to nothing is explained it is
-    not told from others.
+    indistinguishable from others.
     """
     variances = np.maximum(variances, 0.0)
     ratio = variances / np.maximum(1 - variances, MIN_EXPLAINED)

@@ -65,8 +65,8 @@ def test_the_plan_is_a_file(flight, tmp_path, capsys):
     assert cli.main(["sweep", str(plan), "--out", str(out), "--quiet"]) == 0
     assert capsys.readouterr().out.splitlines()[0] == "1 ran"
     (row,) = json.loads((out / "sweep.json").read_text())["rows"]
-    told = {"flight": "small", "particles": 6, "repeats": 1, "neighbors": 2, "counts.test": 20}
-    assert row | told == row
+    expected = {"flight": "small", "particles": 6, "repeats": 1, "neighbors": 2, "counts.test": 20}
+    assert row | expected == row
 
 
 @pytest.mark.parametrize("name", ["book", "report.html"])

@@ -39,7 +39,7 @@ def test_errors_are_centimetres_everywhere(record):
         assert 0 <= entry["region_90"] <= 1 and entry["p95_cm"] <= entry["max_cm"]
 
 
-def test_the_carried_away_is_found(record):
+def test_a_kidnapped_vehicle_is_localized_again(record):
     assert record.values["kidnapped"]["found_rate"]["value"] == 1
     assert record.timings["free"]["median_s"] > 0
 

@@ -167,5 +167,5 @@ def test_over_a_field_sigma_grows_with_it_and_what_is_chosen_holds(flights, tmp_
     assert "The paper's loss" in map_loss.finding(Record.load(record.save(tmp_path / "near")))
     far = map_loss.run(*fields, map_loss.Parameters(sigma=0.01))
     assert far.values["sigma"]["used_m"] == 0.01
-    told = map_loss.finding(Record.load(far.save(tmp_path / "far")))
-    assert "farther apart than sigma reaches, which was 0.01 m" in told
+    sentence = map_loss.finding(Record.load(far.save(tmp_path / "far")))
+    assert "farther apart than sigma reaches, which was 0.01 m" in sentence

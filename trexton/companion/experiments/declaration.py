@@ -1,4 +1,4 @@
-"""What every experiment declares: its parameters, its run and its finding, each told once.
+"""What every experiment declares: its parameters, its run and its finding, each stated once.
 
 Offers `Experiment`, the bases of its parameters (which make its record), and what flights may lack.
 """
