@@ -145,6 +145,7 @@ def test_a_zone_that_is_never_reached_ends_at_the_time_limit(train):
         ({"radius": 2.0}, "does not fit"),
         ({"radius": -1.0}, "radius"),
         ({"landings": 0}, "landings is 0"),
+        ({"armed_after": 99.0}, "armed after"),
     ],
 )
 def test_nonsense_is_refused(train, options, message):

@@ -56,6 +56,14 @@ class LandingParameters(SeedParameters):
     )
     speed: float = option(0.6, "of the vehicle, metres a second", low=0.01)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.armed_after >= self.time_limit:
+            raise ParameterError(
+                f"armed after {self.armed_after} s of at most {self.time_limit} s: "
+                "expected a limit after the zone is armed"
+            )
+
 
 @dataclass(frozen=True, eq=False)
 class Mission:
