@@ -28,7 +28,7 @@ from trexton.companion.experiments.style import (
     legend_above,
     plain_log_ticks,
 )
-from trexton.companion.wording import percent, span
+from trexton.companion.wording import fixed, percent, span
 from trexton.flights.flight import Flight
 from trexton.simulator import Floor
 
@@ -126,10 +126,17 @@ def finding(record: Record, kept: Mapping[str, Any] | None = None) -> str:
     rank, loss = found["rank"], found["loss_rank"]
     return (
         f"Over {found['count']} floors the predicted error has a rank correlation of "
-        f"{span(rank, 2)} with the measured one, the paper's loss of {span(loss, 2)}. The "
+        f"{interval(rank)} with the measured one, the paper's loss of {interval(loss)}. The "
         f"measured error is within {percent(LEVEL)} of it on {percent(found['level'])} of the "
         "floors."
     )
+
+
+def interval(entry: Mapping[str, Any]) -> str:
+    """A correlation with its interval over floors, which few that agree cannot give."""
+    if entry["low"] == entry["high"]:
+        return f"{fixed(entry['value'], 2)} (too few floors for an interval)"
+    return span(entry, 2)
 
 
 Rows = Mapping[str, Mapping[str, float]]
