@@ -27,7 +27,6 @@ from trexton.companion.experiments.track import fly
 from trexton.companion.wording import middle, number, percent
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
-from trexton.localization.estimate import LOST_SHARE, ignorance
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import for_method
 
@@ -149,11 +148,10 @@ def _trial(
     its own; the i-th draws from the i-th stream. `samples` were counted for each histogram.
     """
     number, rows = numbered
-    cut, nothing = len(rows) // 2, float(np.hypot(*ignorance(texton_map.area)))
+    cut = len(rows) // 2
     rng = stream(seed, "kidnappings", number)
     run = fly(Localizer(texton_map, rng=rng, **choices), histograms[rows], counted=samples)
-    width = np.sqrt([np.trace(estimate.about_position) for estimate in run.estimates])
-    lost = run.lost | (width / nothing > LOST_SHARE)  # as on board
+    lost = np.array([estimate.lost_in(texton_map.area) for estimate in run.estimates])
     return Trial(run.errors(truth[rows]), lost, cut, int(rows[cut]) // cut)
 
 
