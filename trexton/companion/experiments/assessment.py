@@ -83,7 +83,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             particles=parameters.particles if method == "paper" else None,
         )  # fmt: skip
         track = fly(localizer, frames)
-        runs[method], timings[method] = track.position, of_frames(track.step_s, "_s")
+        runs[method], timings[method] = track.position, of_frames(track.step_s)
         if hasattr(texton_map.parts.get("measurement"), "predicted_error"):
             field_map = texton_map
     rng = stream(parameters.seed, "intervals")
@@ -127,7 +127,7 @@ def _predicted(predict: Any, flight: Flight) -> dict[str, Any]:
     known = flight.position[flight.located]
     apart = np.array([euclidean(known, place).min() for place in places])
     heat = np.where(apart < flight.diagonal / 10, predict(places), np.nan).reshape(shape).T
-    return {"error_m": heat.round(4), "extent_m": flight.area}
+    return {"error_m": heat.round(4)}
 
 
 def finding(record: Record) -> str:
@@ -175,9 +175,8 @@ def over_the_floor(record: Record) -> Figure:
             axis.set_major_formatter(lambda metres, _: f"{scale * metres:g}")
         show_floor(plan, series.get("floor"), record.images.get("floor"), fade=0.3)
         if "predicted" in series:
-            predicted = series["predicted"]
-            heat = scale * np.array(predicted["error_m"], dtype=float)
-            heat_map(figure, plan, heat, predicted["extent_m"], f"predicted error ({unit})")
+            heat = scale * np.array(series["predicted"]["error_m"], dtype=float)
+            heat_map(figure, plan, heat, series["area_m"], f"predicted error ({unit})")
         for true, guess in zip(truth[::5], estimate[::5], strict=True):
             plan.plot(*zip(true, guess, strict=True), color=COLORS[color], linewidth=0.6)
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="true track")

@@ -279,13 +279,7 @@ def frontier(record: Record) -> Figure:
             )  # fmt: skip
             if not edge or error < edge[-1][1]:
                 edge.append((cost, error))
-        plot.step(
-            *np.transpose(edge),
-            where="post",
-            color=COLORS["zone"],
-            linewidth=0.8,
-            zorder=0,
-        )
+        plot.step(*np.transpose(edge), where="post", color=COLORS["zone"], linewidth=0.8, zorder=0)
         plot.set(
             xscale="log", yscale="log",
             xlabel="CPU time a frame, once its features are counted (ms)", ylabel="mean error (cm)",

@@ -25,10 +25,9 @@ from trexton.localization.training import train_map
 from trexton.vision.textons import TextonDictionary
 
 # Variants that do what the flight code did; the others are ways that neither it nor the paper took.
-FLIGHT_CODE = frozenset(
-    ("sigma_70", "sigma_200", "motion_8", "motion_25", "particles_140", "particles_1000")
-    + ("winner",)
-)
+FLIGHT_CODE = {
+    "sigma_70", "sigma_200", "motion_8", "motion_25", "particles_140", "particles_1000", "winner",
+}  # fmt: skip
 # key: (how it reads in a table, options of the localizer)
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "paper": ("as the paper says", {}),

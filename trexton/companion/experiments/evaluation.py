@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from trexton.base.cache import cached
+from trexton.base.defaults import NEIGHBORS, TEXTONS
 from trexton.base.progress import progress
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import MapParameters
@@ -35,8 +36,8 @@ MOST_LAG_FRAMES = 60
 def trained_map(
     train: Flight,
     *,
-    textons: int = 20,
-    neighbors: int = 5,
+    textons: int = TEXTONS,
+    neighbors: int = NEIGHBORS,
     seed: int = 1,
     positions: np.ndarray | None = None,
 ) -> TextonMap:
@@ -171,9 +172,7 @@ def neighbor_means(
     )
 
 
-def drift(
-    runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 500
-) -> dict[str, Any]:
+def drift(runs: list[Track], test: Flight, *, rng: np.random.Generator) -> dict[str, Any]:
     """Slope of the Euclidean error over time in cm a minute, with its 95 % interval: does the error
     accumulate?
     """
@@ -183,7 +182,7 @@ def drift(
     def slope(run: int, rows: np.ndarray) -> float:
         return float(np.polyfit(minutes[rows], error_cm[run][rows], 1)[0])
 
-    drawn = [slope(int(rng.integers(len(runs))), block_rows(len(test), rng)) for _ in range(draws)]
+    drawn = [slope(int(rng.integers(len(runs))), block_rows(len(test), rng)) for _ in range(500)]
     low, high = bootstrap_interval(drawn, len(test))
     return {
         "value": np.median([slope(run, np.arange(len(test))) for run in range(len(runs))]),
@@ -217,9 +216,9 @@ def map_picture(picture: MapImage, width: int) -> tuple[dict[str, Any], np.ndarr
     return {"extent_m": [left, right, bottom, top]}, small
 
 
-def floor_picture(flight: Flight, width: int = 700) -> tuple[dict[str, Any], dict[str, Any]]:
+def floor_picture(flight: Flight) -> tuple[dict[str, Any], dict[str, Any]]:
     """The true floor as figures draw it, a series and a picture; both empty where unknown."""
     if flight.floor is None:
         return {}, {}
-    extent, picture = map_picture(flight.floor, width)
+    extent, picture = map_picture(flight.floor, 700)
     return {"floor": extent}, {"floor": picture}

@@ -80,7 +80,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "kidnapped": {"found_rate": found_rate(found, parameters.floors)},
     }
     timings = {
-        name: of_frames(np.concatenate([trial["seconds"][name] for trial in trials]), "_s")
+        name: of_frames(np.concatenate([trial["seconds"][name] for trial in trials]))
         for name in ATTITUDES
     }
     return parameters.record(train, test, values=values, series=series, timings=timings)

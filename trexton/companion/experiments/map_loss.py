@@ -97,7 +97,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "heat": {
                 "loss": heat_map(losses, positions, train.area, sigma).round(5),
                 "error_m": heat_map(errors, positions, train.area, sigma).round(5),
-                "extent_m": train.area,
             },
             **floor,
         },
@@ -178,7 +177,7 @@ def heat_maps(record: Record) -> Figure:
             label = f"smoothed {key.removesuffix('_m')}{unit}"
             values = scale * np.array(heat[key], dtype=float)
             style.heat_map(
-                figure, plan, values, heat["extent_m"], label, location="bottom", aspect=25
+                figure, plan, values, record.series["area_m"], label, location="bottom", aspect=25
             )
             plan.plot(*positions.T, ".", color=COLORS["truth"], markersize=1.2, alpha=0.6)
             plan.set_title(title)

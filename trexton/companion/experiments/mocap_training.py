@@ -125,7 +125,6 @@ def train_and_fly(
         "start_s": test.time[0],
         "truth_m": test.position,
         "estimate_m": typical.position,
-        "spread_m": typical.spread,
         "knn_m": typical.knn,
         "area_m": test.area,
     }

@@ -103,9 +103,9 @@ def milliseconds(runs: Sequence[np.ndarray], stretch: int = 20) -> dict[str, Any
     return {name: 1000 * seconds for name, seconds in times.items()}
 
 
-def of_frames(seconds: np.ndarray, unit: str = "") -> dict[str, Any]:
-    """``median`` and ``p99`` of the seconds that single frames took; names may end in a unit."""
-    return {f"median{unit}": np.median(seconds), f"p99{unit}": np.percentile(seconds, 99)}
+def of_frames(seconds: np.ndarray) -> dict[str, Any]:
+    """Median and 99th percentile of the seconds that single frames took."""
+    return {"median_s": np.median(seconds), "p99_s": np.percentile(seconds, 99)}
 
 
 def frequency(time_ms: dict[str, Any]) -> dict[str, Any]:

@@ -141,17 +141,14 @@ def joined_plan(
     return figure
 
 
-def band(
-    axes: Axes, x: Any, low: Any, middle: Any, high: Any, *, color: str, alpha: float = 0.15,
-    **line: Any,
-) -> None:  # fmt: skip
+def band(axes: Axes, x: Any, low: Any, middle: Any, high: Any, *, color: str, **line: Any) -> None:
     """A line, and the interval around it as an area."""
-    axes.fill_between(x, low, high, color=color, alpha=alpha, linewidth=0)
+    axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)
     axes.plot(x, middle, color=color, **line)
 
 
 def length_unit(metres: float) -> tuple[str, float]:
-    """What lengths of this size are told in, and how many of it a metre has; as in words."""
+    """The unit of lengths of this size, and how many of it a metre has; as in words."""
     return ("m", 1.0) if 100 * metres >= METRES_FROM else ("cm", 100.0)
 
 
@@ -249,13 +246,13 @@ def legend_below(axes: Axes, drop: float, columns: int = 1) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -drop), ncols=columns)
 
 
-def label_ends(axes: Axes, apart: float = 0.075) -> None:
-    """The label of each line at its end, in its colour, `apart` by a share of the axes' height."""
+def label_ends(axes: Axes) -> None:
+    """The label of each line at its end, in its colour, all clear of one another."""
     to_axes = axes.transData + axes.transAxes.inverted()
     ends = [(to_axes.transform(np.asarray(line.get_xydata())[-1])[1], line) for line in axes.lines]
     last = -np.inf
     for height, line in sorted(ends, key=lambda end: end[0]):
-        last = max(height, last + apart)
+        last = max(height, last + 0.075)
         axes.annotate(
             str(line.get_label()), (1, last), xycoords="axes fraction", xytext=(5, 0),
             textcoords="offset points", color=line.get_color(), fontsize=9, va="center",

@@ -115,12 +115,7 @@ def _headlines(sweeps: dict[str, Sweep], bench: Bench) -> tuple[dict[str, Any], 
 
 
 def _gain(
-    before: list[Track],
-    after: list[Track],
-    test: Flight,
-    *,
-    rng: np.random.Generator,
-    draws: int = 1000,
+    before: list[Track], after: list[Track], test: Flight, *, rng: np.random.Generator
 ) -> dict[str, Any]:
     """By which share the error in x falls from one setting to another, with its 95 % interval."""
     first, second = (
@@ -132,7 +127,7 @@ def _gain(
         return 1 - b.mean() / a.mean()
 
     drawn = []
-    for _ in range(draws):
+    for _ in range(1000):
         rows = block_rows(len(test), rng)
         drawn.append(
             share(first[rng.integers(len(first)), rows], second[rng.integers(len(second)), rows])
