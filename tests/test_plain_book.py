@@ -17,7 +17,7 @@ def test_a_page_is_counted_as_it_is_read(tmp_path):
     page.write_text("""# Not counted: a heading
 
 The error is {{ error.mean_cm | span }} cm; see {doc}`the field </beyond>` and `code here`.
-{% if more is defined %}It came with nothing.{% endif %}
+{% if more is defined %}It was told nothing.{% endif %}
 
 ```bash
 not counted
@@ -35,7 +35,7 @@ Said by a cell.
 """)
     counted = measure(page)
     assert counted.paragraphs == [
-        "The error is 7 cm; see the field and Code. It came with nothing.",
+        "The error is 7 cm; see the field and Code. It was told nothing.",
         "Said by a cell.",
     ]
     assert counted.cells == ["not in the mean", "but held to length", "a cell", "x"]
