@@ -33,10 +33,7 @@ def house(tmp_path, flight_folder):
 
     class House:
         notebooks, out, flight = tmp_path / "notebooks", tmp_path / "out", flight_folder
-        experiments = {
-            "first": tiny("First"),
-            "second": tiny("Second", after=("first",)),
-        }
+        experiments = {"first": tiny("First"), "second": tiny("Second", after=("first",))}
 
         def run(self, **options):
             options = {
@@ -307,11 +304,8 @@ def test_two_notebooks_run_at_once_and_a_timed_one_alone(house):
         "print(os.environ.get('OMP_NUM_THREADS'))\n" + BODY
     )
     body = body.replace('"timings": {}', '"timings": {"start": start, "end": time.time()}')
-    house.experiments = {
-        "a": tiny("A"),
-        "b": tiny("B"),
-        "timed": tiny("T", alone=True, cost_s=999),
-    }
+    timed = {"timed": tiny("T", alone=True, cost_s=999)}
+    house.experiments = {"a": tiny("A"), "b": tiny("B")} | timed
     for name in house.experiments:
         write_notebook(house.notebooks, name, body)
     assert set(statuses(house.run(jobs=2)).values()) == {"ran"}
@@ -322,6 +316,32 @@ def test_two_notebooks_run_at_once_and_a_timed_one_alone(house):
 
     assert overlap("a", "b") and not overlap("a", "timed") and not overlap("b", "timed")
     assert f'"{max(1, (os.cpu_count() or 1) // 2)}' in (house.out / "small" / "a.ipynb").read_text()
+
+
+def test_what_takes_long_or_is_waited_for_starts_first(without_kernels, house):
+    """Left to the engine the order is arbitrary, and a long one may be alone at the end."""
+    quick = {name: tiny(name) for name in "abcdef"}
+    house.experiments = quick | {
+        "long": tiny("L", cost_s=90),
+        "read": tiny("R"),
+        "heir": tiny("H", after=("read",)),
+        "timed": tiny("T", alone=True, cost_s=999),
+    }
+    order = house.notebooks / "order"
+    for name in house.experiments:
+        line = f"with open({str(order)!r}, 'a') as stream:\n    stream.write('{name} ')\n"
+        write_notebook(house.notebooks, name, line + BODY)
+    assert set(statuses(house.run()).values()) == {"ran"}
+    began = order.read_text().split()
+    assert {*began[:2]} == {"long", "read"} and began[-1] == "timed"
+
+
+def test_a_memory_that_cannot_be_read_is_put_away(without_kernels, house):
+    house.run()
+    lock = house.out / ".engine" / "pytask.lock"
+    lock.write_bytes(bytes(100))  # as a loss of power leaves it
+    assert house.run(settings={"factor": 3})["first"].reasons == ("no finished run",)
+    assert lock.with_suffix(".damaged").is_file()
 
 
 def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
@@ -355,46 +375,6 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     assert house.run()["first"].reasons == ("no finished run",)
     assert not list((house.out / ".engine").glob(".work.*"))
     assert house.left() == ["first-chart.svg", "first.ipynb", "first.json"]
-
-
-def test_finished_tasks_survive_an_interrupt(flight_folder, tmp_path):
-    notebooks, mark = tmp_path / "notebooks", tmp_path / "started"
-    write_notebook(notebooks, "first")
-    slow = f"import time\nfrom pathlib import Path\nPath({str(mark)!r}).touch()\ntime.sleep(60)\n"
-    write_notebook(notebooks, "second", slow + BODY)
-    # A suite that a shell runs in the background has the interrupt ignored.
-    script = f"""if True:
-        import signal; signal.signal(signal.SIGINT, signal.default_int_handler)
-        import sys; sys.path.insert(0, {str(ROOT / "tests")!r})
-        from tiny_experiment import tiny
-        from trexton.companion.build.flight_pairs import FlightPair
-        from trexton.companion.build.plan import run_experiments
-        experiments = {{"first": tiny("F"),
-            "second": tiny("S", after=("first",))}}
-        run_experiments([FlightPair({str(flight_folder)!r})], {str(tmp_path / "out")!r},
-            notebooks={str(notebooks)!r}, experiments=experiments)"""
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    run = subprocess.Popen(
-        [sys.executable, "-c", script], env=environment, stderr=subprocess.PIPE, text=True
-    )
-    assert eventually(lambda: mark.exists() or run.poll() is not None)
-    assert run.poll() is None, run.stderr.read()
-    run.send_signal(signal.SIGINT)
-    said = run.communicate(timeout=120)[1]
-    assert "KeyboardInterrupt" in said and "failed" not in said
-
-    write_notebook(notebooks, "second")
-    experiments = {
-        "first": tiny("F"),
-        "second": tiny("S", after=("first",)),
-    }
-    outcomes = run_experiments(
-        [FlightPair(str(flight_folder))],
-        tmp_path / "out",
-        notebooks=notebooks,
-        experiments=experiments,
-    )
-    assert [outcome.status for outcome in outcomes] == ["reused", "ran"]
 
 
 def test_two_runs_do_not_write_to_one_folder(without_kernels, house):

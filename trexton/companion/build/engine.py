@@ -84,13 +84,15 @@ class Step:
     name : str
         ``flight/experiment``, or another name with or without a folder.
     inputs : dict of str to str
-        What is fixed beforehand; the keys are words, in which changes are told.
+        What is fixed beforehand; the keys are words, in which changes are said.
     work : callable
         Makes it.
     leaves, reads : sequence of Fact
         What it leaves (first its own files), and what of other steps it reads.
     alone : bool
         It measures time: nothing runs beside it.
+    urgent : bool
+        It starts before others: it takes long, or others wait for it.
     """
 
     name: str
@@ -99,6 +101,7 @@ class Step:
     leaves: Sequence[Fact]
     reads: Sequence[Fact] = ()
     alone: bool = False
+    urgent: bool = False
 
     @property
     def facts(self) -> list[Fact]:
@@ -107,12 +110,13 @@ class Step:
 
     def task(self, perform: Callable[[Step], None]) -> pytask.TaskWithoutPath:
         """As pytask has it."""
+        turn = "try_last" if self.alone else "try_first" if self.urgent else ""
         return _Task(
             name=self.name,
             function=lambda **_: perform(self),
             depends_on={"reads": self.facts},
             produces={"leaves": list(self.leaves)},
-            markers=[pytask.Mark("try_last", (), {})] if self.alone else [],
+            markers=[pytask.Mark(turn, (), {})] if turn else [],
         )
 
 
@@ -246,9 +250,16 @@ def _sentence(name: str, error: BaseException) -> str:
 
 
 def _remembered(root: Path) -> dict[str, dict[str, str]]:
-    """What the engine's lock file, and the journal of a run cut short, hold, by task and fact."""
+    """What the engine's lock file, and the journal of a run cut short, hold, by task and fact.
+
+    A lock file that cannot be read is put away.
+    """
     lock, journal = root / "pytask.lock", root / "pytask.lock.journal"
-    entries = tomllib.loads(lock.read_text("utf-8"))["task"] if lock.is_file() else []
+    try:
+        entries = tomllib.loads(lock.read_text("utf-8"))["task"] if lock.is_file() else []
+    except (ValueError, KeyError):
+        lock.replace(lock.with_suffix(".damaged"))
+        entries = []
     if journal.is_file():
         for line in journal.read_text("utf-8", errors="replace").splitlines():
             try:

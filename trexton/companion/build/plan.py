@@ -32,6 +32,8 @@ from trexton.companion.experiments.registry import EXPERIMENTS
 
 __all__ = ["run_experiments", "sole_writer"]
 
+_LONG_S = 60.0  # experiments that take longer start before others
+
 
 def run_experiments(
     pairs: Sequence[FlightPair],
@@ -202,6 +204,8 @@ class _Run:
             ],
             reads=[_record_fact(path, timings=whole) for path in records],
             alone=page.experiment.alone,
+            urgent=page.experiment.cost_s > _LONG_S
+            or any(name in other.experiment.after for other in planned),
         )
 
     def _records(self, page: _Page, planned: Sequence[_Page]) -> list[Path]:
