@@ -35,8 +35,10 @@ def test_every_way_to_import_is_understood(tmp_path):
         "%matplotlib inline\n!true\nif True:\n    from trexton.evaluation import (\n  metrics,\n)\n"
     )
     assert "trexton.evaluation.metrics" in read(write_notebook(tmp_path, "lines", body)).code
-    body = "import trexton.evaluation.metrics as m\n"
-    assert "trexton.evaluation.metrics" in read(write_notebook(tmp_path, "named", body)).code
+    for body in ("import trexton.evaluation.metrics as m", "import os, trexton.evaluation.metrics",
+                 "import os; from trexton.evaluation import metrics; import json"):  # fmt: skip
+        code = read(write_notebook(tmp_path, "named", body)).code
+        assert "trexton.evaluation.metrics" in code
 
 
 def test_a_notebook_that_is_no_text_is_named(tmp_path):
@@ -50,6 +52,7 @@ def test_a_result_kept_with_the_code_that_a_notebook_shows_goes_into_it():
     assert notebooks["density"].kept.keys() == {"density.json"}
     assert notebooks["suitability"].kept.keys() == {"sweep-suitability.json"}
     assert not notebooks["mocap_training"].kept
+    assert Notebook("own", "own.md", "reference('density')").kept.keys() == {"density.json"}
     inputs = notebooks["fine"].inputs({}, {})
     assert "file data/reference/fine.json" in inputs
     before = inputs | {"file data/reference/fine.json": "1"}

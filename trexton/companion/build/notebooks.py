@@ -30,7 +30,7 @@ __all__ = ["GIVEN", "Notebook", "find_notebooks", "inputs_of", "outputs_of", "re
 
 # The workflow fills these in; nobody sets them by hand.
 GIVEN = ("flight", "test_flight", "out")
-_IMPORT = re.compile(r"^\s*(?:from|import) (trexton[\w.]*)(?: import (\([^)]*\)|.+))?", re.M)
+_IMPORT = re.compile(r"\b(trexton(?:\.\w+)*)(?: import (\([^)]*\)|[^;\n]+))?")
 # The registry of experiments changes no result: a new line in it must not run everything again.
 _NOT_AN_INPUT = ("trexton.companion.experiments.registry", "trexton")
 
@@ -88,7 +88,7 @@ class Notebook:
 
     @cached_property
     def code(self) -> dict[str, str]:
-        """SHA-256 of every module of this package that the notebook's imports reach."""
+        """SHA-256 of every module of this package that the notebook names or reaches."""
         hashes: dict[str, str] = {}
         for module, words in _IMPORT.findall(self.text):
             names = re.findall(r"\w+", words)
@@ -100,8 +100,9 @@ class Notebook:
     @property
     def kept(self) -> dict[str, str]:
         """SHA-256 of every result of a longer run, kept with the code, that its code names."""
-        names = {path: path.stem.removeprefix("sweep-") for path in kept_results()}
-        return {path.name: digest(path) for path, name in names.items() if f'"{name}"' in self.text}
+        words = re.findall(r"""["']([\w-]+)["']""", self.text)
+        kept = {path: path.stem.removeprefix("sweep-") for path in kept_results()}
+        return {path.name: digest(path) for path, name in kept.items() if name in words}
 
 
 def _printed() -> list[Path]:
