@@ -79,14 +79,12 @@ def test_a_name_that_no_record_has_stops_the_build(page, text, message):
 
 def test_links_lead_to_pages_and_to_experiments_on_them_or_are_plain_text(results):
     pairs, outcomes, folder = results
-    book = Contents(ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes)
+    book = Contents(ROOT / "book", folder, pairs, outcomes)
     assert book.see("your_flight", "yours") == "{doc}`yours </your_flight>`"
     assert book.see("mocap_training", "it") == "{doc}`it </mocap_training>`"
     assert book.see("hall", "of `field`") == "{doc}`of field </hall>`"  # a role would end there
     assert book.see("moon", "the moon") == book.see("mosaic", "the moon") == "the moon"
-    small = Contents(
-        ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes, toc_file="_toc_small.yml"
-    )
+    small = Contents(ROOT / "book", folder, pairs, outcomes, toc_file="_toc_small.yml")
     assert small.pages == {"small": [], "mocap_training": ["mocap_training"]}
 
 
@@ -135,7 +133,7 @@ def results(tmp_path):
 
 
 def test_every_experiment_stands_on_one_page_of_thirty():
-    book = Contents(ROOT / "book", ROOT, ROOT, (), ())
+    book = Contents(ROOT / "book", ROOT, (), ())
     assert sorted(book.named) == sorted({*EXPERIMENTS} - {"assessment"})  # of a flight of one's own
     toc = yaml.safe_load((ROOT / "book" / "_toc.yml").read_text())
     assert 1 + sum(len(part["chapters"]) for part in toc["parts"]) <= 30
@@ -146,9 +144,7 @@ def test_the_contents_name_only_pages_that_are_there(results, tmp_path):
     staged = tmp_path / "staged"
     staged.mkdir()
     small = "_toc_small.yml"
-    stage(
-        Contents(ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes, toc_file=small), staged
-    )
+    stage(Contents(ROOT / "book", folder, pairs, outcomes, toc_file=small), staged)
     assert (staged / "small" / "mocap_training.json").is_file()
     toc = (staged / "_toc.yml").read_text()
     assert "file: mocap_training" in toc and "mosaic" not in toc and "claims" not in toc
@@ -165,9 +161,7 @@ def test_a_page_that_does_not_exist_stops_the_build(results, tmp_path):
     (source / "_toc_small.yml").write_text("root: small\nparts:\n- chapters:\n  - file: moon\n")
     with pytest.raises(DataError, match="the page 'moon' does not exist"):
         stage(
-            Contents(
-                source, ROOT / "notebooks", folder, pairs, outcomes, toc_file="_toc_small.yml"
-            ),
+            Contents(source, folder, pairs, outcomes, toc_file="_toc_small.yml"),
             tmp_path,
         )
 
@@ -179,7 +173,6 @@ def test_the_whole_book_can_be_staged_without_the_real_flight(results, tmp_path)
     stage(
         Contents(
             ROOT / "book",
-            ROOT / "notebooks",
             folder,
             pairs,
             outcomes,
@@ -255,7 +248,7 @@ def test_a_quick_book_needs_the_real_flight_alone(toy_flights, monkeypatch):
     folder, made = toy_flights
     assert [pair.name for pair in prepare_flights(folder, quick=True).pairs] == ["cyberzoo"]
     assert made == ["cyberzoo"]
-    quick = Contents(ROOT / "book", ROOT, ROOT, (), (), toc_file="_toc_quick.yml")
+    quick = Contents(ROOT / "book", ROOT, (), (), toc_file="_toc_quick.yml")
     assert quick.named == ["mocap_training", "claims"]
     shutil.rmtree(folder)
 
@@ -301,7 +294,7 @@ def test_old_addresses_lead_to_the_pages_that_took_their_place(results, tmp_path
     html = tmp_path / "html"
     (html / "cyberzoo").mkdir(parents=True)
     (html / "trust.html").write_text("a page")
-    book = Contents(ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes)
+    book = Contents(ROOT / "book", folder, pairs, outcomes)
     lead_from_old_addresses(book, html)
     for old, new in (
         ("data", "your_flight.html"),

@@ -89,7 +89,7 @@ def make_book(
     results = Path("results") / "quick" if quick else Path("results")
     html = Path("book") / "_build" / ("quick" if quick else "html")
     contents = Contents(
-        Path("book"), Path("notebooks"), results, prepared.pairs, (), prepared.absent,
+        Path("book"), results, prepared.pairs, (), prepared.absent,
         toc_file="_toc_quick.yml" if quick else "_toc.yml",
     )  # fmt: skip
     outcomes = run_experiments(
@@ -109,23 +109,15 @@ def make_book(
     return made
 
 
-def build_small_book(
-    pairs: list[FlightPair],
-    outcomes: list[Outcome],
-    results: Path,
-    notebooks: str | os.PathLike[str] | None = None,
-) -> Path:
+def build_small_book(pairs: list[FlightPair], outcomes: list[Outcome], results: Path) -> Path:
     """A book of one run only, in ``<results>/book/html``; returns its index page.
-
-    `notebooks` is the folder of those that ran, this package's own by default.
 
     Raises
     ------
     TrextonError
         Another run is writing to `results`, or Jupyter Book finds a fault.
     """
-    place = shipped("notebooks") if notebooks is None else Path(notebooks)
-    contents = Contents(shipped("book"), place, results, pairs, outcomes, toc_file="_toc_small.yml")
+    contents = Contents(shipped("book"), results, pairs, outcomes, toc_file="_toc_small.yml")
     say(_build(contents, results / "book" / "html"))
     return results / "book" / "html" / "index.html"
 
@@ -170,15 +162,8 @@ def _tree_hash(folder: Path) -> str:
 def _jupyter_book(source: Path, work: Path) -> Path:
     """Run Jupyter Book with warnings as errors; returns the folder of HTML."""
     say("building the pages")
-    command = [
-        sys.executable,
-        "-c",
-        "from jupyter_book.cli.main import main; main()",
-        "build",
-        str(source),
-        "--path-output",
-        str(work),
-    ]
+    program = "from jupyter_book.cli.main import main; main()"
+    command = [sys.executable, "-c", program, "build", str(source), "--path-output", str(work)]
     command += ["--all", "-W", "-n", "--keep-going", "-q"]
     run = subprocess.run(
         command, capture_output=True, text=True, env=os.environ | {"PYTHONWARNINGS": "ignore"}

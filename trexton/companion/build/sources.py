@@ -32,8 +32,6 @@ class Contents:
     ----------
     source : Path
         Folder of prose, ``_config.yml``, tables of contents and ``_static``.
-    notebooks : Path
-        Folder of the notebooks that ran.
     results : Path
     pairs : sequence of FlightPair
     outcomes : sequence of Outcome
@@ -44,7 +42,6 @@ class Contents:
     """
 
     source: Path
-    notebooks: Path
     results: Path
     pairs: Sequence[FlightPair]
     outcomes: Sequence[Outcome]
@@ -143,9 +140,8 @@ def stage(contents: Contents, folder: Path) -> None:
     """
     names = _names(contents)
     for page, experiments in contents.pages.items():
-        source, text = contents.source / f"{page}.md", ""
-        if source.is_file():
-            text = render(source, names)
+        source = contents.source / f"{page}.md"
+        text = render(source, names) if source.is_file() else ""
         if experiments:
             own = {name: contents.executed[name] for name in experiments}
             nbformat.write(joined(own, contents.see, text), folder / f"{page}.ipynb")

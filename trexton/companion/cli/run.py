@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.no_book and any(outcome.status in ("ran", "reused") for outcome in outcomes):
         from trexton.companion.build.make import build_small_book
 
-        print(build_small_book(pairs, outcomes, Path(arguments.out), arguments.notebooks))
+        print(build_small_book(pairs, outcomes, Path(arguments.out)))
     return int(any(outcome.status == "failed" for outcome in outcomes))
 
 
