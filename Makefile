@@ -78,7 +78,7 @@ bench: env  ## speed of every stage, as ratios within one run
 
 full: env  ## the long sweep of data/sweeps, coarse to fine, landings, aiding and survey density over many floors, results to data/reference
 	@for plan in data/sweeps/*.toml; do name=$$(basename $$plan .toml); \
-	  $(BIN)/trexton sweep $$plan --out results/sweeps/$$name $(ARGS); \
+	  rm -f results/sweeps/$$name/sweep.json; $(BIN)/trexton sweep $$plan --out results/sweeps/$$name $(ARGS); \
 	  cp results/sweeps/$$name/sweep.json data/reference/sweep-$$name.json || exit 1; done
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only fine --out results/full \
 	  --set floors=10 frames=2525 training=250 kidnappings=200
