@@ -9,12 +9,15 @@ from contextlib import closing
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 from small_recording import film
 from test_import import euroc, picture, write_bag
 
 from trexton.base.errors import TrextonError
 from trexton.flights import importing, read_flight
-from trexton.flights.importers.recording import PoseTrack
+from trexton.flights.frames import ImageFiles
+from trexton.flights.importers.images import of_one_size
+from trexton.flights.importers.recording import PoseTrack, Recording
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
 from trexton.onboard.sources import open_source
@@ -71,6 +74,19 @@ def test_pictures_that_are_nearly_square_or_tiny_keep_their_sides(tmp_path, size
     file = tmp_path / f"p.{suffix}"
     cv2.imwrite(str(file), picture(0, size))
     assert read_image(file).shape[1::-1] == size
+
+
+def test_sizes_are_those_of_pictures_as_exif_turns_them(tmp_path):
+    shapes = [((64, 48), 1), ((64, 48), 1), ((64, 48), 6), ((48, 64), 8), ((60, 64), 6)]
+    for row, (size, turned) in enumerate(shapes):
+        exif = Image.Exif()
+        exif[0x0112] = turned
+        Image.fromarray(picture(row, size)).save(tmp_path / f"{row}.jpg", exif=exif)
+    frames = ImageFiles(tuple(sorted(tmp_path.iterdir())))
+    assert [frames[row].shape[1::-1] for row in (2, 3, 4)] == [(48, 64), (64, 48), (64, 60)]
+    kept = of_one_size(Recording(np.arange(5), frames=frames))
+    assert kept.time_ns.tolist() == [0, 1, 3]
+    assert kept.said == ["images of another size than 64x48, left out: 2 (first: 2.jpg)"]
 
 
 def test_rows_without_a_place_are_no_positions(tmp_path):

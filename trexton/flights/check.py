@@ -154,15 +154,8 @@ def repair_flight(
 ) -> list[str]:
     """Write the flight in the folder `path`, repaired, as the folder `out`; the original is kept.
 
-    Returns
-    -------
-    list of str
-        What was done, with counts, and what was not.
-
-    Raises
-    ------
-    FlightError
-        A fault of the folder is of no kind that is repaired here.
+    Says what was done, with counts, and what was not; raises `FlightError` where a fault of the
+    folder is of no kind that is repaired here.
     """
     check_not_read(Path(out), Path(path))
     done: list[str] = []

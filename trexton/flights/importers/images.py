@@ -15,7 +15,7 @@ from trexton.base.progress import progress
 from trexton.flights.frames import Forward, ImageFiles
 from trexton.flights.importers.recording import Recording
 from trexton.vision.camera import Rectification
-from trexton.vision.images import bgr_from_yuv
+from trexton.vision.images import bgr_from_yuv, checked_bytes, declared_size, decode, read_image
 
 QUALITY = 95  # of JPEG files that are written anew
 
@@ -24,7 +24,7 @@ def of_one_size(recording: Recording) -> Recording:
     """The frames whose image is of the size of most, and a sentence where others are left out."""
     if not isinstance(frames := recording.frames, ImageFiles):
         return recording
-    sizes = [_size(frames[row]) for row in progress(range(len(frames)), "sizes", len(frames))]
+    sizes = [_size(file) for file in progress(frames.files, "sizes")]
     width, height = usual = Counter(sizes).most_common(1)[0][0]
     others = [row for row, size in enumerate(sizes) if size != usual]
     if not others:
@@ -40,7 +40,8 @@ def rectification_of(
     frames: ImageFiles | Forward, undistort: str, crop: str, scale: float
 ) -> Rectification:
     """What is done to each image of a recording of one size; see `Common` of importing."""
-    full = _size(frames[0])
+    height, width = frames[0].shape[:2]
+    full = width, height
     lens = _calibration(Path(undistort), frames, full) if undistort else {}
     part = _crop(crop, full) if crop else (0, 0, *full)
     size = (round(part[2] * scale), round(part[3] * scale))
@@ -82,8 +83,15 @@ def _crop(text: str, size: tuple[int, int]) -> tuple[int, int, int, int]:
     return x, y, width, height
 
 
-def _size(image: np.ndarray) -> tuple[int, int]:
-    return image.shape[1], image.shape[0]
+def _size(file: Path) -> tuple[int, int]:
+    """Width and height of an image as it is read, by an eighth of it: in a fifth of the time."""
+    data = checked_bytes(file)
+    small, declared = decode(data, cv2.IMREAD_REDUCED_GRAYSCALE_8), declared_size(data)
+    if small is None or declared is None or small.shape[0] == small.shape[1]:
+        height, width = read_image(file).shape[:2]
+        return width, height
+    wide = small.shape[1] > small.shape[0]  # as it is turned by EXIF
+    return (max(declared), min(declared)) if wide else (min(declared), max(declared))
 
 
 def _calibration(path: Path, frames: ImageFiles | Forward, size: tuple[int, int]) -> dict[str, Any]:
