@@ -1,4 +1,4 @@
-"""Coarse to fine told an attitude and a height that are right, wrong in many ways, or missing."""
+"""Coarse to fine with an attitude and a height that are right, wrong in many ways, or missing."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ def test_an_unmeasured_tilt_is_expected_as_it_was():
 
 
 def test_a_tilt_that_changes_much_is_expected_less_like_before():
-    told, rng = PosePrior(1.0, 0.007, 0.02), np.random.default_rng(1)
+    expected, rng = PosePrior(1.0, 0.007, 0.02), np.random.default_rng(1)
     pose = np.array([1.0, 2.0, 1.0, 0.0, 0.0, 0.0])
     for _ in range(60):
-        prior = told.prior(None, None, pose)
+        prior = expected.prior(None, None, pose)
         pose = np.array([*pose[:3], *(0.06 * rng.standard_normal(2)), 0.0])
-        told.learn(prior, Alignment(pose, 1e-5 * np.eye(6), 0.9, 0.1))
-    prior = told.prior(None, None, pose)
+        expected.learn(prior, Alignment(pose, 1e-5 * np.eye(6), 0.9, 0.1))
+    prior = expected.prior(None, None, pose)
     assert 0.04 < prior.deviation[3] < 0.07
     assert np.all(np.abs(prior.mean[3:5]) < 0.6 * np.abs(pose[3:5]))
 

@@ -1,4 +1,4 @@
-"""How late frames are beside a yaw that was told, by how they turn."""
+"""How late frames are beside a yaw that was measured, by how they turn."""
 
 from __future__ import annotations
 
@@ -23,42 +23,42 @@ def turning(yaw: float = 0.2, frames: int = 75):
         Floor.painted("hall", 4), camera=Camera(320, 240, 260.0),
         effects=Effects(yaw=yaw), rng=np.random.default_rng(2),
     )  # fmt: skip
-    pictures, told = [], []
+    pictures, measured = [], []
     for _ in range(frames):
         state = room.step(np.array([2.5, 2.5]))
         pictures.append(room.render())
-        told.append(state.attitude[2])
-    return pictures, np.array(told)
+        measured.append(state.attitude[2])
+    return pictures, np.array(measured)
 
 
 @pytest.fixture(scope="module")
 def flown():
-    pictures, told = turning()
-    return turns(small(each) for each in pictures), told, PERIOD * np.arange(len(told))
+    pictures, measured = turning()
+    return turns(small(each) for each in pictures), measured, PERIOD * np.arange(len(measured))
 
 
 def test_frames_show_how_far_they_turned():
-    pictures, told = turning(frames=30)
+    pictures, measured = turning(frames=30)
     found = turns(small(each) for each in pictures)
     assert np.isnan(found[0])
-    np.testing.assert_allclose(found[1:], np.diff(told), atol=0.01)
+    np.testing.assert_allclose(found[1:], np.diff(measured), atol=0.01)
 
 
 @pytest.mark.parametrize("late", [-0.1, 0.0, 0.04, 0.25, 0.5])
 def test_the_offset_is_found(flown, late):
-    turned, told, time = flown
+    turned, measured, time = flown
     rng = np.random.default_rng(3)
-    noisy = np.angle(np.exp(1j * (told + 3.0 + 0.005 * rng.standard_normal(len(told)))))
+    noisy = np.angle(np.exp(1j * (measured + 3.0 + 0.005 * rng.standard_normal(len(measured)))))
     found = time_offset(time + late, turned, time, noisy)
     assert found.sure and not found.mirrored
     assert abs(found.seconds - late) < max(0.02, 3 * found.sigma)
     assert found.noticeable == (abs(late) > 0.05)
 
 
-def test_a_yaw_that_is_told_more_often_than_frames_come(flown):
-    turned, told, time = flown
+def test_a_yaw_that_is_measured_more_often_than_frames_come(flown):
+    turned, measured, time = flown
     often = np.linspace(time[0], time[-1], 700)
-    found = time_offset(time[::3] + 0.2, _added(turned, 3), often, np.interp(often, time, told))
+    found = time_offset(time[::3] + 0.2, _added(turned, 3), often, np.interp(often, time, measured))
     assert found.sure and abs(found.seconds - 0.2) < 0.03
 
 
@@ -69,9 +69,9 @@ def _added(turned: np.ndarray, several: int) -> np.ndarray:
 
 
 def test_a_picture_that_is_mirrored_turns_the_other_way():
-    pictures, told = turning()
+    pictures, measured = turning()
     turned = turns(small(np.ascontiguousarray(each[:, ::-1])) for each in pictures)
-    found = time_offset(PERIOD * np.arange(75), turned, PERIOD * np.arange(75), told)
+    found = time_offset(PERIOD * np.arange(75), turned, PERIOD * np.arange(75), measured)
     assert found.sure and found.mirrored
 
 
@@ -101,14 +101,14 @@ def test_noise_of_the_yaw_is_no_offset(frames_a_second, yaw):
 
 
 def test_too_little_is_nothing(flown):
-    turned, told, time = flown
-    assert time_offset(time[:10], turned[:10], time, told) is None
-    assert time_offset(time, turned, time[:1], told[:1]) is None
-    assert time_offset(time + 100, turned, time, told) is None
+    turned, measured, time = flown
+    assert time_offset(time[:10], turned[:10], time, measured) is None
+    assert time_offset(time, turned, time[:1], measured[:1]) is None
+    assert time_offset(time + 100, turned, time, measured) is None
     assert time_offset([], [], [], []) is None
     stalled = np.append(0.02 * np.arange(13), 1.3)  # a burst of frames that a window holds all of
     assert time_offset(stalled, np.zeros(14), stalled, np.linspace(0, 1, 14)) is None
-    assert time_offset(1e9 * time, turned, 1e9 * time, told) is None
+    assert time_offset(1e9 * time, turned, 1e9 * time, measured) is None
 
 
 def test_frames_of_any_size_are_looked_at():
@@ -120,7 +120,7 @@ def test_frames_of_any_size_are_looked_at():
 
 
 @pytest.mark.parametrize("what", ["late", "clockwise", "as it is"])
-def test_a_recorded_flight_whose_clocks_differ_is_told(tmp_path, what):
+def test_a_recorded_flight_whose_clocks_differ_is_named(tmp_path, what):
     flight: Flight = record_flight(
         tmp_path / "flight", frames=160, camera=Camera(160, 120, 130.0), pattern="waypoints",
         effects=Effects(yaw=0.2),

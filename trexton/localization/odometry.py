@@ -142,7 +142,7 @@ class RunningVisual:
 
 
 def _known_or(value: float | None, usual: float) -> float:
-    """A measured number, or the usual one where it is none or not finite."""
+    """A measured number, or the usual one: OpenCV never returns from a homography of NaN."""
     return usual if value is None or not np.isfinite(value) else value
 
 
