@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
-from itertools import islice
+from itertools import islice, pairwise
 from time import perf_counter
 from types import SimpleNamespace
 
@@ -180,3 +180,16 @@ def test_the_pages_of_the_book_link_to_pages_that_exist():
     for page in PAGES:
         for target in re.findall(r"see\(\"([\w/-]+\w)\"", page.read_text()):
             assert target.rpartition("/")[2] in known, f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_no_sentence_is_joined_to_the_next_by_a_template(page):
+    """Templates drop the line's end after a tag (`trim_blocks`), unless it ends in ``+%}``."""
+    lines = page.read_text().splitlines()
+    joined = [
+        line
+        for line, following in pairwise(lines)
+        if line.endswith("%}") and not line.endswith("+%}")
+        if re.sub(r"{%.*?%}", "", line).strip() and re.match(r"[^\W_]", following)
+    ]
+    assert not joined
