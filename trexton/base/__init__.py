@@ -1,1 +1,1 @@
-"""What every room stands on: errors, options, plugins, files, random streams, records."""
+"""What every room stands on. It offers errors, options, plugins, files, streams and records."""

@@ -1,1 +1,1 @@
-"""The command line: a module a verb of the library, with ``add_arguments`` and ``run``."""
+"""The command line of the library. Each verb is a module with ``add_arguments`` and ``run``."""

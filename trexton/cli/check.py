@@ -1,4 +1,4 @@
-"""``trexton check``: read a flight folder and report every fault; status 1 if unusable."""
+"""``trexton check``: every fault of a flight folder is reported. Status 1 if it is unusable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``trexton data``: list or fetch public flights."""
+"""``trexton data``: public flights. They are listed, or fetched by URL and hash."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``trexton export FLIGHT KIND --out FILE``: write a track for other programs, as TUM."""
+"""``trexton export FLIGHT KIND --out FILE``: a track for other programs. TUM is built in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``trexton import [KIND] SOURCE --out FLIGHT``: make a flight of a recording in another format."""
+"""``trexton import [KIND] SOURCE --out FLIGHT``: a flight of another format. It is checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``trexton methods [NAME]``: the methods, their parts, and the options of each."""
+"""``trexton methods [NAME]``: what can be chosen. Methods, their parts, the options of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``trexton onboard MAP``: localize live frames and report positions."""
+"""``trexton onboard MAP``: localize live frames. Positions go to the sinks that were asked for."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Before take-off: the loop itself runs for some seconds and commands nothing; what it met is
-judged line by line."""
+"""Before take-off the loop runs for some seconds and commands nothing. What it met is judged line
+by line."""
 
 from __future__ import annotations
 

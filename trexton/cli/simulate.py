@@ -1,4 +1,4 @@
-"""``trexton simulate``: fly in the virtual room and record a flight."""
+"""``trexton simulate``: fly in the virtual room. The flight is recorded as a folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``trexton train FLIGHT -o MAP``: make a texton map from a flight."""
+"""``trexton train FLIGHT -o MAP``: make a texton map. It says what error to expect."""
 
 from __future__ import annotations
 

@@ -1,1 +1,2 @@
-"""The executable paper: experiments, claims, checks and book, which read the library."""
+"""The executable paper. Experiments, claims, checks and book read the library, which reads nothing
+of them."""

@@ -1,4 +1,4 @@
-"""One seam for many independent things: done here, or by processes of this machine.
+"""One seam for many independent things. They are done here, or by processes of this machine.
 
 Repeats, grids and trials go through `spread`; where they run is settled outside, so that the same
 function gives the same values everywhere::

@@ -1,4 +1,4 @@
-"""Numbers as words: what findings, the ledger and the prose say is written here, from records."""
+"""Numbers as words. What findings, the ledger and the prose say is written here, from records."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""How good a position or a floor is: metrics with intervals, the map loss of the paper."""
+"""How good a position or a floor is. Metrics with intervals, and the map loss of the paper."""

@@ -1,4 +1,4 @@
-"""How the floor looks in flight, as a role of a method: taken as it is, or followed."""
+"""How the floor looks in flight, as a role of a method. It is taken as it is, or followed."""
 
 from __future__ import annotations
 

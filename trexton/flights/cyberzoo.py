@@ -1,6 +1,4 @@
-"""The authors' own flight (TU Delft CyberZoo, June 2016): two raw tables become a Flight without
-images.
-"""
+"""The authors' own flight (TU Delft CyberZoo, June 2016). Two tables become a Flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The images of a flight, a file each; and those of a source that is read `Forward`."""
+"""The images of a flight are a file each. Those of a source are read `Forward`."""
 
 from __future__ import annotations
 

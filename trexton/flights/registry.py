@@ -1,6 +1,4 @@
-"""Public data: listed in ``data/registry.toml``, fetched through pooch, never trusted without their
-SHA-256.
-"""
+"""Public data, listed in ``data/registry.toml``. It is never trusted without its SHA-256."""
 
 from __future__ import annotations
 

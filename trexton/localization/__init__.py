@@ -1,1 +1,1 @@
-"""A map and a frame become a position: map, training, parts of methods, localizer."""
+"""A map and a frame become a position. Map, training, parts of methods, localizer."""

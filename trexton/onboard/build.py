@@ -1,4 +1,4 @@
-"""From settings to a loop that is ready to run; where the parts are chosen and nowhere else."""
+"""From settings to a loop that is ready to run. The parts are chosen here and nowhere else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the loop hands to every sink: one position, how far it may be trusted, and where it lies in
+"""What the loop hands to every sink: one position, and how far it may be trusted. Its places are in
 the local frames of autopilots (north, east, down; or east, north, up)."""
 
 from __future__ import annotations

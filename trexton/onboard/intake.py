@@ -1,6 +1,6 @@
-"""What is done with a frame before it is localized: the newest is read in a thread, stamped at the
-grab, never queued; its picture is checked for faults of the camera; attitude, height and velocity
-of the same moment are gathered."""
+"""What is done with a frame before it is localized. The newest is read in a thread, stamped at the
+grab, never queued; it is checked for faults of the camera. Attitude, height and velocity of the
+same moment are gathered."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everything that can be chosen, declared once: the command line is made from these classes."""
+"""Everything that can be chosen, declared once. The command line is made from these classes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the run stands: the status line once a second, and the summary at the end."""
+"""How the run stands. There is a status line once a second, and the summary at the end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The virtual room: floor, vehicle and camera; live as `Simulator`, or recorded as a Flight."""
+"""The virtual room: floor, vehicle and camera. It is live (`Simulator`), or recorded."""
 
 from trexton.simulator.floor import LAYOUTS, Floor, Light
 from trexton.simulator.recording import PATTERNS, Plan, random_waypoints, record_flight, survey

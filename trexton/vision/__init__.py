@@ -1,1 +1,1 @@
-"""Images, cameras, textons and their histograms, visual odometry."""
+"""Images and cameras become textons and histograms. Visual odometry stands beside them."""

@@ -1,5 +1,6 @@
-"""Camera calibrations: an ASL ``sensor.yaml``, YAML or JSON that OpenCV's calibration writes, or
-Kalibr's ``camchain.yaml``."""
+"""Camera calibrations are read here. They are an ASL ``sensor.yaml``, what OpenCV's calibration
+writes (YAML, JSON), or Kalibr's ``camchain.yaml``.
+"""
 
 from __future__ import annotations
 

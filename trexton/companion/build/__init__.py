@@ -1,4 +1,4 @@
-"""From flights to pages: steps that run where anything changed, and the book of their results."""
+"""From flights to pages. Steps run where anything changed, the book is made of their results."""
 
 import sys
 

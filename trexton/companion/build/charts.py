@@ -1,4 +1,4 @@
-"""Figures set into the page itself: they follow its theme, and weigh less."""
+"""Figures set into the page itself. So they follow its theme, and weigh less."""
 
 from __future__ import annotations
 

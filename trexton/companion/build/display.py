@@ -1,4 +1,4 @@
-"""What became of a step, a line for each, and how much time is left."""
+"""What became of a step, a line for each. The time that is left is estimated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Make a book: flights, experiments, pages, HTML; only what changed is made again."""
+"""Make a book: flights, experiments, pages, HTML. Only what changed is made again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A Sphinx extension: mathematics becomes MathML when the book is built, not by a script."""
+"""A Sphinx extension: MathML for mathematics. It is made when the book is built."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run experiments on flights: check what was asked for, make the steps, hand them to the engine."""
+"""Run experiments on flights. What was asked for is checked, and becomes steps of the engine."""
 
 from __future__ import annotations
 

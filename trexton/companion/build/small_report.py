@@ -1,4 +1,4 @@
-"""The report on a flight: one printable page of HTML that carries everything it shows."""
+"""The report on a flight. It is one printable page of HTML that carries everything it shows."""
 
 from __future__ import annotations
 

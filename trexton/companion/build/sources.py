@@ -1,4 +1,5 @@
-"""Gather everything that becomes a page: prose with its numbers, executed notebooks, downloads."""
+"""Everything that becomes a page is gathered here: prose with its numbers, notebooks, downloads.
+Sphinx reads the folder that is made."""
 
 from __future__ import annotations
 
@@ -156,6 +157,7 @@ def stage(contents: Contents, folder: Path) -> None:
     for file in ("_config.yml", "references.bib"):
         shutil.copyfile(contents.source / file, folder / file)
     shutil.copytree(contents.source / "_static", folder / "_static")
+    shutil.copy(Path(__file__).with_name("charts.js"), folder / "_static")
     parts = [
         {**part, "chapters": [{"file": each["file"]} for each in part["chapters"]]}
         for part in contents.toc["parts"]

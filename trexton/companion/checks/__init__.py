@@ -1,1 +1,1 @@
-"""Speed, settings and reference values, measured and compared."""
+"""Speed and settings are measured here. ``bench`` prints ratios, ``tune`` searches settings."""

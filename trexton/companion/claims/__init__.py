@@ -1,1 +1,1 @@
-"""The ledger: claims of the paper, our tests of them, verdicts by fixed rules."""
+"""The ledger: claims of the paper and our tests of them. Fixed rules make the verdicts."""

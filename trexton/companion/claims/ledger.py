@@ -1,4 +1,4 @@
-"""Claims read from ``data/paper/claims.toml``, judged by the records of each flight."""
+"""Claims are read from ``data/paper/claims.toml``. The records of each flight judge them."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""One module a subcommand: ``add_arguments(parser)`` and ``run(arguments) -> int``, no logic."""
+"""The companion's verbs, a module each. They have ``add_arguments`` and ``run``, and no logic."""

@@ -1,4 +1,4 @@
-"""``trexton bench``: speed of every stage against yardsticks of the same run."""
+"""``trexton bench``: the speed of every stage. Yardsticks of the same run make ratios of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``trexton book``: flights, experiments and pages of the book; what has not changed is reused."""
+"""``trexton book``: flights, experiments and pages of the book. What has not changed is reused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``trexton run``: the experiment notebooks on a flight, with records, figures and a small book."""
+"""``trexton run``: the experiments on a flight. They leave records, figures and a small book."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``trexton sweep PLAN``: an experiment over flights and settings, as one resumable command."""
+"""``trexton sweep PLAN``: an experiment over flights and settings. One command that can resume."""
 
 from __future__ import annotations
 

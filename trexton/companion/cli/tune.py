@@ -1,4 +1,4 @@
-"""``trexton tune FLIGHT --rate HZ``: settings that suit a flight and keep a rate here."""
+"""``trexton tune FLIGHT --rate HZ``: settings that suit a flight. They keep the rate here."""
 
 from __future__ import annotations
 

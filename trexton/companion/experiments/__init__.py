@@ -1,1 +1,1 @@
-"""The experiments, a module each, and what several of them share."""
+"""The experiments, a module each. What several share stands beside them."""

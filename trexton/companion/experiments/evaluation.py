@@ -1,4 +1,4 @@
-"""What several experiments share: a trained map, frames to fly, what tracks are worth."""
+"""What several experiments share. A map is trained, frames are flown, tracks are measured."""
 
 from __future__ import annotations
 

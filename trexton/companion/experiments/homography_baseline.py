@@ -1,4 +1,6 @@
-"""Localization by homography (paper, Analysis, "Baseline: Homography-based Approach")."""
+"""Localization by homography (paper, Analysis, "Baseline: Homography-based Approach"). Every frame
+is registered to the mosaic, without a filter.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """Training on homography positions (paper, Analysis, "Training Set based on Homography-finding
-Method").
+Method"). The map never sees motion capture.
 """
 
 from __future__ import annotations

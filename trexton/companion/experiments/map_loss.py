@@ -1,5 +1,5 @@
-"""Which floors are suitable (paper, Methods, "Map evaluation" and its figure), whether the loss
-predicts errors.
+"""Which floors are suitable (paper, Methods, "Map evaluation" and its figure). Does the loss
+predict errors?
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Training on motion-capture positions (paper, "Training Set based on Motion Tracking System")."""
+"""Training on motion-capture positions (paper, "Training Set based on Motion Tracking System"). The
+error of the filter and of its neighbours.
+"""
 
 from __future__ import annotations
 

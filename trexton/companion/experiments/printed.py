@@ -1,4 +1,4 @@
-"""The paper's published numbers, read from ``data/paper/published.toml``."""
+"""The paper's published numbers. They are read from ``data/paper/published.toml``."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The texton dictionary (paper, Methods, "Texton Dictionary Generation"): its textons, how well
-they fit.
+"""The texton dictionary (paper, Methods, "Texton Dictionary Generation"). Its textons are shown,
+and how well they fit.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Time for one frame, stage by stage (paper, Analysis, "Speed versus Accuracy Trade-Off";
-Discussion).
+"""Time for one frame (paper, Analysis, "Speed versus Accuracy Trade-Off"; Discussion). Every stage
+is timed for itself.
 """
 
 from __future__ import annotations

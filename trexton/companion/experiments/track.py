@@ -1,4 +1,4 @@
-"""Runs of the localizer over the frames of a flight, and what is read off them."""
+"""Runs of the localizer over the frames of a flight. What is read off them stands beside."""
 
 from __future__ import annotations
 

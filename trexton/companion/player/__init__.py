@@ -1,1 +1,1 @@
-"""A flight to look at, frame by frame: what the camera saw, what the localizer made of it."""
+"""A flight to look at, frame by frame. Image and estimate stand side by side."""

@@ -1,4 +1,4 @@
-"""ROS 1 and ROS 2 bags: an image topic, and one of poses or odometry."""
+"""ROS 1 and ROS 2 bags. An image topic is read, and one of poses or odometry."""
 
 from __future__ import annotations
 

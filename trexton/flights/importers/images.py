@@ -1,4 +1,4 @@
-"""The images of an import: undistorted, cropped, scaled, and written."""
+"""The images of an import. They are undistorted, cropped, scaled, and written."""
 
 from __future__ import annotations
 

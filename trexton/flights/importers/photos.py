@@ -1,5 +1,5 @@
-"""Photographs with GPS: positions from EXIF, a table with latitudes, a log of an autopilot, or a
-reconstruction (COLMAP, OpenSfM); local metres east and north.
+"""Photographs with GPS; metres are local, east and north. Positions are of EXIF, a table with
+latitudes, a log of an autopilot, or a reconstruction (COLMAP, OpenSfM).
 """
 
 from __future__ import annotations

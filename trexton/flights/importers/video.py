@@ -1,4 +1,4 @@
-"""A video with a file of positions (a table, motion capture, a log); the offset between their
+"""A video with a file of positions (a table, motion capture, a log). The offset between their
 clocks is given, or found by their motion.
 """
 

@@ -1,2 +1,1 @@
-"""Talking MAVLink: messages from fixes, the conversation with an autopilot, and the links it goes
-over."""
+"""Talking MAVLink. Fixes become messages, and a conversation with an autopilot goes over a link."""

@@ -1,4 +1,4 @@
-"""Crazyflie: external positions as CRTP packets, by radio, cable or network as cflib knows them."""
+"""Crazyflie: external positions as CRTP packets. They go by radio, cable or network (cflib)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""MAVLink: a thread that keeps the conversation with the autopilot going, whatever the loop is busy
-with."""
+"""MAVLink as a sink. A thread keeps talking with the autopilot, whatever the loop is busy with."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings: a flight is played as often as asked for, at once or at its own pace."""
+"""Recordings as a source. A flight is played as often as asked for, at once or at its own pace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Live cameras: any URL, pipe or device that OpenCV opens (`StreamSource`)."""
+"""Live cameras as a source. Any URL, pipe or device that OpenCV opens will do (`StreamSource`)."""
 
 from __future__ import annotations
 
