@@ -8,12 +8,14 @@ from html import unescape
 
 import numpy as np
 import pytest
+from IPython.display import SVG
 
 from trexton.base.errors import DataError
-from trexton.companion.build.charts import inline_figure, is_figure
+from trexton.companion.build.charts import inline_figure, is_figure, with_phone
 from trexton.companion.build.mathematics import mathml
 from trexton.companion.build.postprocessing import finish_page
-from trexton.companion.experiments.style import COLORS, canvas, to_png, to_svg
+from trexton.companion.experiments.figure_files import for_phones, to_png, to_svg
+from trexton.companion.experiments.style import COLORS, canvas
 
 
 @pytest.fixture
@@ -58,6 +60,31 @@ def test_a_figure_in_a_page_follows_its_theme_and_names_nothing_twice(figure):
         axes[0, 0].plot([1, 2])
     drawn = inline_figure(to_svg(small).decode(), "f1", "")
     assert 'svg class="chart narrow"' in drawn and "xlink:href" not in drawn
+
+
+def test_a_wide_figure_is_laid_out_anew_for_phones_and_both_are_in_the_page(figure):
+    letters = re.search(r"scale\([^)]*\)", wide := to_svg(figure).decode())[0]
+    figure.axes[0].legend(*figure.axes[1].get_legend_handles_labels(), ncols=2)
+    phone = for_phones(figure)
+    above, below = (axes.get_position() for axes in figure.axes)
+    assert above.y0 > below.y1 and letters in phone.decode()  # words keep their size
+    width = float(re.search(rb'width="([\d.]+)pt"', phone)[1])
+    assert width < 72 * 4.5
+    ET.fromstring(both := with_phone(wide, phone))
+    shown = SVG(both).data  # as a notebook keeps it
+    drawn = inline_figure(shown, "f1", "costs")
+    assert [kind in drawn for kind in ("chart wide", "chart phone narrow")] == [True, True]
+    ids = re.findall(r'\bid="([^"]+)"', drawn)
+    assert len(ids) == len({*ids})
+
+
+def test_narrow_figures_and_sheets_of_pictures_are_one_for_all_pages():
+    with canvas(size=(4, 3)) as (narrow, _):
+        pass
+    with canvas(2, 5, size=(7, 3)) as (sheet, _):
+        pass
+    assert for_phones(narrow) is None and for_phones(sheet) is None
+    assert with_phone("<svg></svg>", None) == "<svg></svg>"
 
 
 def test_pictures_in_a_figure_get_lighter():

@@ -11,9 +11,10 @@ import numpy as np
 
 from trexton.base.errors import DataError
 
-__all__ = ["is_figure", "inline_figure"]
+__all__ = ["is_figure", "inline_figure", "with_phone"]
 
 _PICTURE = re.compile(r'"data:image/png;base64,\s*([^"]{20000,})"')  # worth compressing
+_PHONE = re.compile(r"<!--phone (.*?)-->", re.DOTALL)
 _QUALITY = 72
 _NARROW = 400  # points, up to which a figure can be read on a phone as it is
 
@@ -23,13 +24,21 @@ def is_figure(svg: str) -> bool:
     return "<dc:title>Matplotlib" in svg
 
 
+def with_phone(svg: str, phone: bytes | None) -> str:
+    """The SVG with its layout for phones in a comment, where notebooks leave it alone."""
+    if phone is None:
+        return svg
+    own = re.sub(r"<!--.*?-->", "", phone.decode(), flags=re.DOTALL)
+    return svg.replace("</svg>", f"<!--phone {own[own.index('<svg') :]}--></svg>")
+
+
 def inline_figure(svg: str, name: str, alt: str) -> str:
-    """An ``<svg>`` element for a page.
+    """``<svg>`` elements for a page: one, or a wide one and that for phones.
 
     Parameters
     ----------
     svg : str
-        A file that `trexton.companion.experiments.style.to_svg` wrote.
+        What `trexton.companion.experiments.figure_files.to_svg` wrote, or `with_phone` of it.
     name : str
         Put before every identifier, so that several figures go on one page.
     alt : str
@@ -43,6 +52,12 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
     start = svg.find("<svg")
     if start < 0:
         raise DataError(f"figure {name}: no SVG: run its experiment again")
+    if phone := _PHONE.search(svg):
+        wide = inline_figure(svg.replace(phone[0], ""), name, alt)
+        narrow = inline_figure(phone[1], f"{name}p", alt)
+        return wide.replace('class="chart', 'class="chart wide', 1) + narrow.replace(
+            'class="chart', 'class="chart phone', 1
+        )
     body = re.sub(r"<metadata>.*?</metadata>", "", svg[start:], flags=re.DOTALL)
     body = body.replace("xlink:href=", "href=")
     body = re.sub(r'\b(id|href)="(#?)([^":]+)"', rf'\1="\2{name}-\3"', body)

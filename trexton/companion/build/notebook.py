@@ -19,12 +19,13 @@ from matplotlib.figure import Figure
 
 from trexton.base.files import atomic_file
 from trexton.base.records import Record
+from trexton.companion.build.charts import with_phone
 from trexton.companion.build.flight_pairs import Given, given
 from trexton.companion.claims.ledger import judge_all, load_claims, write_ledger
 from trexton.companion.claims.page import claims_html, counts_html, filters_html
+from trexton.companion.experiments.figure_files import for_phones, to_png, to_svg
 from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.companion.experiments.style import to_png, to_svg
 from trexton.companion.player.playback import PlayedFlight, player_html
 from trexton.companion.provenance import kept_results, made_by
 from trexton.companion.wording import (
@@ -59,14 +60,14 @@ class Page:
     def show(self, name: str, figure: Figure) -> SVG:
         """Write ``<experiment>-<name>.svg`` and ``-<name>-print.png`` beside the record.
 
-        Displays the SVG.
+        Displays the SVG; one that is wide carries its layout for phones along.
         """
         svg = to_svg(figure)
         for suffix, content in ((".svg", svg), ("-print.png", to_png(figure))):
             file = self.folder / f"{self.record.experiment}-{name}{suffix}"
             with atomic_file(file, "wb") as stream:
                 stream.write(content)
-        return SVG(svg)
+        return SVG(with_phone(svg.decode(), for_phones(figure)))
 
     def play(self, recording: PlayedFlight) -> HTML:
         """Write ``<experiment>-player.html`` beside the record, and show it in the page."""

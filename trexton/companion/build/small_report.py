@@ -12,9 +12,9 @@ from trexton.base.cache import shipped
 from trexton.base.files import atomic_file
 from trexton.base.records import Record
 from trexton.companion import build
-from trexton.companion.build.charts import inline_figure
+from trexton.companion.build.charts import inline_figure, with_phone
 from trexton.companion.experiments import advice, assessment
-from trexton.companion.experiments.style import to_svg
+from trexton.companion.experiments.figure_files import for_phones, to_svg
 from trexton.companion.wording import as_html, middle, template_environment
 
 __all__ = ["write_report"]
@@ -48,8 +48,9 @@ def write_report(record: Record, path: Path, player: str = "", flight: str = "")
         sections=[(title, list(map(as_html, said))) for title, said in sections.items()],
         commands=[command for command in advice.commands(record, flight) if command],
         figures=[
-            (inline_figure(to_svg(figure).decode(), name, caption), caption)
+            (inline_figure(with_phone(svg, for_phones(figure)), name, caption), caption)
             for figure, name, caption in figures
+            if (svg := to_svg(figure).decode())
         ],
         player=player,
         rows=_rows(record),
