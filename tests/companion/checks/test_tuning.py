@@ -92,6 +92,11 @@ def test_a_search_tries_the_usual_first_then_one_change_at_a_time():
     assert Bench(flight).attempt(others[2]).error_m == tried[3].error_m
 
 
+def test_every_method_is_tried_however_few_the_trials():
+    tried = search(told_apart(), methods=["paper", "field"], trials=1)
+    assert [one.setting["method"] for one in tried] == ["paper", "field"]
+
+
 def test_a_search_ends_where_no_change_is_any_better_and_passes_over_what_cannot_be_flown(
     monkeypatch,
 ):

@@ -146,7 +146,7 @@ def search(
     methods : sequence of str
         Each has an equal share of the trials and of the time.
     trials : int
-        At most; fewer where no single change is any better.
+        At most, but one for each method; fewer where no single change is any better.
     seconds : float
         No trial begins later than this.
     seed : int
@@ -166,9 +166,8 @@ def search(
     bench, began, tried = Bench(flight, seed), perf_counter(), list[Tried]()
     for count, method in enumerate(methods, start=1):
         share = count / len(methods)
-        tried += _one_at_a_time(
-            method, bench, int(trials * share) - len(tried), began + seconds * share
-        )
+        left = max(count, int(trials * share)) - len(tried)
+        tried += _one_at_a_time(method, bench, left, began + seconds * share)
     flown = [one for one in tried if one.frame_s < np.inf]
     if not flown:
         reason = tried[0].reason if tried else "no time"
