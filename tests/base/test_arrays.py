@@ -51,9 +51,19 @@ def test_members_that_share_bytes_are_refused(tmp_path):
 
 def test_very_many_members_are_refused(tmp_path):
     with zipfile.ZipFile(tmp_path / "many.npz", "w") as archive:
-        for number in range(1200):
+        for number in range(1500):
             archive.writestr(f"{number}.npy", header(0))
-    with pytest.raises(DataError, match="1200 arrays: expected at most"):
+    with pytest.raises(DataError, match="bytes that name arrays: expected at most"):
+        read_arrays(tmp_path / "many.npz")
+
+
+@pytest.mark.parametrize(("count", "comment"), [(70_000, b""), (1500, b"made by hand")])
+def test_a_list_of_members_that_hides_its_length_is_never_read(tmp_path, count, comment):
+    with zipfile.ZipFile(tmp_path / "many.npz", "w") as archive:
+        archive.comment = comment
+        for number in range(count):
+            archive.writestr(f"{number}.npy", b"")
+    with pytest.raises(zipfile.BadZipFile, match="does not end as"):
         read_arrays(tmp_path / "many.npz")
 
 

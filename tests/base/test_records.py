@@ -1,7 +1,12 @@
 """Records: bytes, pictures, damage; and the cache that keys on everything that went in."""
 
+import hashlib
 import json
+import os
+import subprocess
+import sys
 
+import cv2
 import numpy as np
 import pytest
 
@@ -49,6 +54,49 @@ def test_damaged_and_newer_records_are_one_clear_error(tmp_path, text):
     (tmp_path / "e.json").write_text(text)
     with pytest.raises(TrextonError, match="again|update"):
         Record.load(tmp_path / "e.json")
+
+
+def with_picture(folder, data, times=1):
+    """A record that names so many pictures, all of them one file."""
+    path = make_record(images={}).save(folder)
+    entry = {"file": "p.png", "sha256": hashlib.sha256(data).hexdigest()}
+    pictures = {"images": {str(number): entry for number in range(times)}}
+    path.write_text(json.dumps(json.loads(path.read_text()) | pictures))
+    (folder / "p.png").write_bytes(data)
+    return path
+
+
+def test_a_piece_of_a_picture_that_is_not_there_gets_no_memory(tmp_path):
+    size = (10).to_bytes(4, "big") * 2
+    data = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + size + bytes([8, 0, 0, 0, 0]) + b"sums"
+    path = with_picture(tmp_path, data + (2**31 - 1).to_bytes(4, "big") + b"IDATabc")
+    code = (
+        "import resource, sys\nresource.setrlimit(resource.RLIMIT_DATA, (2**29, 2**29))\n"
+        "from trexton.base.records import Record\nRecord.load(sys.argv[1])"
+    )
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True)
+    assert done.stderr.rstrip().endswith(
+        "not a readable record (its picture p.png is damaged): run its experiment again"
+    )
+
+
+def test_pictures_of_a_record_have_a_bound_together(tmp_path, monkeypatch):
+    data = cv2.imencode(".png", np.zeros((50, 40), np.uint8))[1].tobytes()
+    path = with_picture(tmp_path, data, times=5)
+    assert len(Record.load(path).images) == 5
+    monkeypatch.setattr("trexton.base.pictures.MOST_BYTES", 5 * 50 * 40 - 1)
+    with pytest.raises(TrextonError, match="pictures unpack to more than 9,999 bytes"):
+        Record.load(path)
+
+
+@pytest.mark.parametrize("name", ["e.json", "p.png"])
+def test_a_pipe_and_a_device_are_no_part_of_a_record(tmp_path, name):
+    path = with_picture(tmp_path, b"")
+    for make in (os.mkfifo, lambda place: os.symlink("/dev/zero", place)):
+        (tmp_path / name).unlink()
+        make(tmp_path / name)
+        with pytest.raises(TrextonError, match=f"{name}: not a regular file"):
+            Record.load(path)
 
 
 def test_a_record_of_the_first_schema_says_how_to_get_one_of_today(tmp_path):

@@ -20,13 +20,14 @@ from trexton.base.files import (
     clean_leftovers,
     read_text,
 )
+from trexton.base.pictures import declared_size, decode
 from trexton.cli.main import main, sentence
 from trexton.flights import Flight, write_flight
 from trexton.flights.folder import load_folder
 from trexton.flights.frames import ImageFiles
 from trexton.flights.tables import read_table
 from trexton.simulator import Floor
-from trexton.vision.images import declared_size, decode, read_image
+from trexton.vision.images import read_image
 
 
 def flight_with_images(folder):

@@ -34,6 +34,17 @@ def test_codes_are_shown_and_not_obeyed(tmp_path, capsys):
     assert "\x1b" not in said.out + said.err and "\\x1b" in said.out + said.err
 
 
+def test_a_name_of_two_lines_is_one_line(tmp_path, capsys):
+    flight = tmp_path / "f\nf: usable (0 faults, 0 warnings)"
+    flight.mkdir()
+    (flight / "flight.toml").write_text("name = 'a'\n")
+    main(["check", str(flight)])
+    said = capsys.readouterr().out.splitlines()
+    assert said and not [line for line in said if line.startswith("f: usable")]
+    main(["train", str(flight), "-o", str(tmp_path / "m.npz")])
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
 def test_a_verb_that_is_terminated_removes_its_own(tmp_path):
     code = (
         "import sys, time\nfrom trexton.base.files import scratch_folder\n"

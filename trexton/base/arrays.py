@@ -15,8 +15,8 @@ import numpy as np
 
 from trexton.base.errors import DataError
 
-MOST_BYTES = 2**32
-MOST_ARRAYS = 1000  # a map of every part has fewer than a hundred
+MOST_BYTES = 2**31
+MOST_LIST = 2**16  # bytes of the list of names: a map of every part has fewer than 4,000
 # What a damaged file makes NumPy, zip and JSON raise.
 DAMAGE = (
     OSError, ValueError, LookupError, EOFError, TypeError, AttributeError, OverflowError,
@@ -40,10 +40,16 @@ def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     if size > MOST_BYTES:
         raise DataError(f"{size} bytes: expected at most {MOST_BYTES}")
     arrays = {}
+    with open(path, "rb") as stream:
+        stream.seek(-min(size, 42), os.SEEK_END)
+        end = stream.read()
+        # Its length stands at the end, unless there is a second end for files above 2 GB.
+        if end[-22:-18] != b"PK\5\6" or end[:4] == b"PK\6\7":
+            raise zipfile.BadZipFile("it does not end as trexton writes it")
+        if (length := int.from_bytes(end[-10:-6], "little")) > MOST_LIST:
+            raise DataError(f"{length} bytes that name arrays: expected at most {MOST_LIST}")
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
-        if len(members) > MOST_ARRAYS:
-            raise DataError(f"{len(members)} arrays: expected at most {MOST_ARRAYS}")
         # Arrays are stored as they are, each with bytes of its own: what unpacks to more than the
         # file, or shares bytes with another, was not written by this library.
         total = sum(member.file_size for member in members)

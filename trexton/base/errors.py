@@ -3,7 +3,12 @@
 
 
 class TrextonError(Exception):
-    """Base of every error this package raises on purpose."""
+    """Base of every error this package raises on purpose; its text is one line, whoever's words or
+    names it holds.
+    """
+
+    def __str__(self) -> str:
+        return " ".join(super().__str__().splitlines())
 
 
 class FlightError(TrextonError):

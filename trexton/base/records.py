@@ -22,10 +22,11 @@ from typing import Any
 import numpy as np
 
 from trexton.base.arrays import DAMAGE
-from trexton.base.errors import TrextonError
-from trexton.base.files import atomic_file, canonical_json
+from trexton.base.errors import DataError, TrextonError
+from trexton.base.files import atomic_file, canonical_json, read_bytes
 
 SCHEMA = 2
+MOST_TEXT = 2**26  # bytes: the longest record of this library has a fiftieth
 SECTIONS = ("parameters", "values", "series", "timings", "provenance")
 _PACKAGES = ("trexton", "numpy", "scipy", "numba", "opencv-python-headless", "matplotlib", "pandas")
 
@@ -56,16 +57,6 @@ def software_versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return versions
-
-
-def read_content(path: Path) -> dict[str, Any]:
-    """What a record's file holds; `TrextonError` where it is of another schema."""
-    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    if content["schema"] != SCHEMA:
-        advice = "update trexton" if content["schema"] > SCHEMA else "run it again"
-        problem = f"record schema {content['schema']}"
-        raise TrextonError(f"{path}: {problem}, expected {SCHEMA}: {advice}")
-    return content
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,23 +123,33 @@ class Record:
         """
         import cv2
 
-        path = Path(path)
+        from trexton.base.pictures import MOST_BYTES, decode
+
+        path, room = Path(path), MOST_BYTES
         try:
-            content = read_content(path)
+            content = json.loads(read_bytes(path, MOST_TEXT, "a record", DataError))
+            if content["schema"] != SCHEMA:
+                advice = "update trexton" if content["schema"] > SCHEMA else "run it again"
+                problem = f"record schema {content['schema']}"
+                raise TrextonError(f"{path}: {problem}, expected {SCHEMA}: {advice}")
             if not all(isinstance(content.get(key, {}), dict) for key in SECTIONS):
                 raise ValueError("a section is none")
             pictures = content.pop("images")
             record = cls(**content)
             for name, entry in pictures.items():
                 # Beside the record, and the one that was written: nothing else is opened.
-                data = (path.parent / Path(entry["file"]).name).read_bytes()
+                file = path.parent / Path(entry["file"]).name
+                data = read_bytes(file, MOST_BYTES, "a picture", DataError)
                 if hashlib.sha256(data).hexdigest() != entry["sha256"]:
                     raise ValueError(f"its picture {entry['file']} is another one")
-                picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+                picture = decode(data, cv2.IMREAD_UNCHANGED)
                 if picture is None:
                     raise ValueError(f"its picture {entry['file']} is damaged")
+                room -= picture.nbytes
+                if room < 0:
+                    raise ValueError(f"its pictures unpack to more than {MOST_BYTES:,} bytes")
                 record.images[name] = picture
-        except (*DAMAGE, cv2.error) as error:
+        except DAMAGE as error:
             raise TrextonError(
                 f"{path}: not a readable record ({error}): run its experiment again"
             ) from None

@@ -47,7 +47,8 @@ class Report:
         lines += [f"warning  {warning}" for warning in self.warnings]
         count = f"{count_of(len(self.faults), 'fault')}, {count_of(len(self.warnings), 'warning')}"
         verdict = "usable" if self.usable else "cannot be used"
-        return "\n".join([*lines, f"{self.path}: {verdict} ({count})"])
+        lines.append(f"{self.path}: {verdict} ({count})")
+        return "\n".join(line.replace("\n", "\\n") for line in lines)  # of names and notes
 
 
 def check_flight(path: str | os.PathLike[str]) -> Report:

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 
 from trexton.base.errors import MapError
+from trexton.base.pictures import MOST_PIXELS
 from trexton.vision.camera import Camera, MapImage, transform_points
-from trexton.vision.images import MOST_PIXELS
 from trexton.vision.visual_odometry import shrink
 
 _TURN = np.radians(6.0)  # headings closer than half of this share a footprint

@@ -12,8 +12,8 @@ import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
 from trexton.base.files import read_text
+from trexton.base.pictures import MOST_PIXELS
 from trexton.vision.camera import COEFFICIENTS, Camera
-from trexton.vision.images import MOST_PIXELS
 
 # OpenCV may add every point it saw. What may open a level is counted: parsers call themselves for
 # each, and may overflow the stack.

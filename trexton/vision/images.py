@@ -20,12 +20,10 @@ import numpy as np
 from trexton.base.errors import ImageError
 from trexton.base.files import read_bytes
 from trexton.base.options import whole
+from trexton.base.pictures import MOST_BYTES, MOST_PIXELS, declared_size, decode
 from trexton.base.streams import generator
 
-MOST_PIXELS = 50_000_000
 MOST_SAMPLES = 1_000_000  # three times all patches of 640x480: more only fill the memory
-MOST_BYTES = 2**28
-_PNG = b"\x89PNG\r\n\x1a\n"
 _MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")  # of a JPEG, but for those among pixels
 
 
@@ -77,44 +75,6 @@ def _check_size(source: object, size: tuple[float, float]) -> None:
             f"{source}: declares {size[0]:.0f}x{size[1]:.0f} pixels: "
             f"expected at most {MOST_PIXELS:,}, shrink it"
         )
-
-
-def declared_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height that the head of a PNG, BMP or JPEG file declares; None if not found."""
-    if data.startswith(_PNG):
-        return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
-    if data[:2] == b"BM":
-        width, height = (int.from_bytes(data[i : i + 4], "little", signed=True) for i in (18, 22))
-        return abs(width), abs(height)
-    place = 2
-    while data[:2] == b"\xff\xd8" and place + 9 < len(data) and data[place] == 0xFF:
-        kind, length = data[place + 1], int.from_bytes(data[place + 2 : place + 4], "big")
-        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
-            height, width = (int.from_bytes(data[place + i : place + i + 2], "big") for i in (5, 7))
-            return width, height
-        place += 1 if kind == 0xFF else 2 + length
-    return None
-
-
-def decode(data: bytes, flags: int = cv2.IMREAD_COLOR) -> np.ndarray | None:
-    """The picture in a file's bytes (BGR); None where OpenCV cannot, or too much is declared."""
-    width, height = declared_size(data) or (0, 0)
-    if not data or width * height > MOST_PIXELS or _is_cut(data):
-        return None
-    try:
-        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-    except cv2.error:
-        return None
-
-
-def _is_cut(data: bytes) -> bool:
-    """Whether a chunk of a PNG is longer than the file: OpenCV would first get memory for it."""
-    if not data.startswith(_PNG):
-        return False
-    place = len(_PNG)
-    while place < len(data) and data[place + 4 : place + 8] != b"IEND":
-        place += 12 + int.from_bytes(data[place : place + 4], "big")
-    return place >= len(data)
 
 
 def _jpeg_ends(data: bytes) -> bool:

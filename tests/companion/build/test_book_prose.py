@@ -15,7 +15,7 @@ from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.notebook import show_table
 from trexton.companion.build.pages import figure_names, joined
-from trexton.companion.build.prose import context, findings, records_by_name
+from trexton.companion.build.prose import context, findings, importer_table, records_by_name
 from trexton.companion.claims.ledger import load_claims
 from trexton.companion.claims.page import load_map, map_table
 from trexton.companion.experiments.printed import paper_file
@@ -24,6 +24,10 @@ from trexton.companion.wording import flight_title
 
 LANDING = {"inside": 13, "landings": 38, "attempts": 50, "never_triggered": 12,
            "perfect": {"inside": 41, "landings": 45}, "first_flights": {"inside": 2}}  # fmt: skip
+
+
+def test_the_table_of_importers_has_whole_sentences():
+    assert "or found by their motion |" in importer_table()
 
 
 def test_the_first_page_says_what_its_pages_found(results):

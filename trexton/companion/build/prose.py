@@ -30,7 +30,7 @@ from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import kept_results
 from trexton.companion.wording import Tree, flight_title, template_environment
-from trexton.flights.importers import describe
+from trexton.flights.importers import IMPORTERS, importer
 from trexton.localization.landing import TouchdownZone
 from trexton.localization.training_set import EXCLUDED_SECONDS
 from trexton.onboard.edges import Edge, classes_of_options, edge_classes
@@ -94,7 +94,7 @@ def context(results: Path, values: Values, see: See) -> dict[str, Any]:
         "excluded_s": EXCLUDED_SECONDS,
         "sinks": edge_table(edge_classes("sinks", SINKS), "--output"),
         "sources": edge_table(edge_classes("sources", SOURCES), "--camera"),
-        "importers": describe,
+        "importers": importer_table,
         "touchdown": TouchdownZone((0.0, 0.0)),  # what it asks for by default
         "public_names": public_names(),
     }
@@ -112,6 +112,20 @@ def findings(results: Path, values: Values) -> list[dict[str, str]]:
             where = "" if name in kept else flight_title(flight)
             said.append({"page": name, "flight": where, "text": sentence})
     return said
+
+
+def importer_table() -> str:
+    """Every kind of recording and its settings, as they are declared."""
+    lines = ["| kind | reads | its own settings |", "|---|---|---|"]
+    for kind in IMPORTERS:
+        module = importer(kind)
+        first = " ".join((module.__doc__ or "").partition("\n\n")[0].split()).rstrip(".")
+        settings = "<br>".join(
+            f"`--{each.name.replace('_', '-')}` {each.meaning}"
+            for each in module.Settings.declared()
+        )
+        lines.append(f"| `{kind}` | {first} | {settings} |")
+    return "\n".join(lines)
 
 
 def door(values: Values) -> str:

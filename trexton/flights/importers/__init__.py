@@ -16,8 +16,6 @@ from trexton.base.plugins import addresses, resolve
 from trexton.flights.importers.recording import Recording
 from trexton.flights.tables import read_table
 
-__all__ = ["IMPORTERS", "Importer", "describe", "guess_kind", "importer"]
-
 IMPORTERS = {
     "euroc": "trexton.flights.importers.listed:Euroc",
     "tum": "trexton.flights.importers.listed:Tum",
@@ -48,20 +46,6 @@ def importer(kind: str) -> Importer:
     """
     own = {kind: kind} if "." in kind else {}
     return cast(Importer, resolve("importers", kind, IMPORTERS | own))
-
-
-def describe() -> str:
-    """A table (Markdown) of every kind and its settings, as they are declared."""
-    lines = ["| kind | reads | its own settings |", "|---|---|---|"]
-    for kind in IMPORTERS:
-        module = importer(kind)
-        first = " ".join((module.__doc__ or "").partition("\n\n")[0].split()).rstrip(".")
-        settings = "<br>".join(
-            f"`--{each.name.replace('_', '-')}` {each.meaning}"
-            for each in module.Settings.declared()
-        )
-        lines.append(f"| `{kind}` | {first} | {settings} |")
-    return "\n".join(lines)
 
 
 def guess_kind(source: Path) -> str:

@@ -18,11 +18,11 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
+from trexton.base.pictures import MOST_PIXELS, decode
 from trexton.flights.frames import Forward
 from trexton.flights.importers.axes import axes_option
 from trexton.flights.importers.recording import NANO, Recording
 from trexton.flights.importers.tracks import pose_track
-from trexton.vision.images import MOST_PIXELS, decode
 
 MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacked
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")

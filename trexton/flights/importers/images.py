@@ -11,11 +11,12 @@ import cv2
 import numpy as np
 
 from trexton.base.errors import ParameterError
+from trexton.base.pictures import declared_size, decode
 from trexton.base.progress import progress
 from trexton.flights.frames import Forward, ImageFiles
 from trexton.flights.importers.recording import Recording
 from trexton.vision.camera import Rectification
-from trexton.vision.images import bgr_from_yuv, checked_bytes, declared_size, decode, read_image
+from trexton.vision.images import bgr_from_yuv, checked_bytes, read_image
 
 QUALITY = 95  # of JPEG files that are written anew
 
