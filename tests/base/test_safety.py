@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import subprocess
 import sys
 import zlib
@@ -308,3 +309,15 @@ def test_tables_are_read_as_people_write_them(tmp_path, text):
     table = read_table(tmp_path / "t.csv")
     assert table.header == ["a", "b"]
     assert [table.numbers(name).tolist() for name in "ab"] == [[1], [2]]
+
+
+def test_a_device_or_a_pipe_is_never_replaced_by_a_file(tmp_path, capsys):
+    flight = write_flight(small_flight(), tmp_path / "room")
+    os.mkfifo(tmp_path / "pipe")
+    for words in (["train", flight, "-o"], ["export", flight, "tum", "--out"]):
+        assert main([*map(str, words), str(tmp_path / "pipe"), "-q"]) == 1
+        assert "pipe: is a folder, a device or a pipe" in capsys.readouterr().err
+    with pytest.raises(TrextonError, match="a device"), atomic_file("/dev/null") as stream:
+        stream.write("lost")
+    assert stat.S_ISFIFO(os.stat(tmp_path / "pipe").st_mode)
+    assert stat.S_ISCHR(os.stat("/dev/null").st_mode)

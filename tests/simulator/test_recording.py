@@ -72,7 +72,12 @@ def test_the_pair_shares_a_floor_but_not_the_flight(tmp_path, floor):
 
 
 def test_the_images_show_the_place_that_the_truth_names(tmp_path, floor):
-    effects = replace(Effects.none(), roll_pitch=1.0, yaw=0.03, height_ripple=0.03)
+    effects = replace(
+        Effects().without(*Effects.names()),
+        roll_pitch=1.0,
+        yaw=0.03,
+        height_ripple=0.03,
+    )
     flight = record_flight(
         tmp_path / "flight",
         pattern="waypoints",

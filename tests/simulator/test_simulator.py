@@ -16,6 +16,8 @@ from trexton.vision.camera import Camera, MapImage, transform_points
 from trexton.vision.images import read_image
 
 SMALL = Camera(160, 120, 130.0)
+# A perfect camera, level and at constant height.
+NOTHING = Effects().without(*Effects.names())
 DOTS = np.array([[x, y] for x in np.arange(0.3, 2.8, 0.21) for y in np.arange(0.31, 2.8, 0.21)])
 
 
@@ -78,9 +80,7 @@ def centroids(luma: np.ndarray, expected: np.ndarray, reach: int = 9) -> np.ndar
 
 
 def test_floor_points_land_where_the_camera_model_says():
-    simulator = flying(
-        dotted_floor(), replace(Effects.none(), roll_pitch=1.0, yaw=0.2, height_ripple=0.1)
-    )
+    simulator = flying(dotted_floor(), replace(NOTHING, roll_pitch=1.0, yaw=0.2, height_ripple=0.1))
     state = simulator.state
     assert np.abs(state.attitude).min() > 0.005  # all three angles take part
     expected = transform_points(
@@ -94,9 +94,7 @@ def test_floor_points_land_where_the_camera_model_says():
 
 def test_rolling_shutter_reads_each_row_at_its_own_time():
     readout = 0.08
-    simulator = flying(
-        dotted_floor(), replace(Effects.none(), roll_pitch=1.0, rolling_shutter=readout)
-    )
+    simulator = flying(dotted_floor(), replace(NOTHING, roll_pitch=1.0, rolling_shutter=readout))
     state = simulator.state
 
     def pixel(point: np.ndarray, delay: float) -> np.ndarray:
@@ -122,8 +120,8 @@ def test_rolling_shutter_reads_each_row_at_its_own_time():
 
 def test_motion_blur_smears_along_the_true_motion(rng):
     floor, exposure = patterned_floor(rng, cells=60), 0.04
-    sharp = flying(floor, replace(Effects.none(), roll_pitch=1.0))
-    blurred = flying(floor, replace(Effects.none(), roll_pitch=1.0, motion_blur=exposure))
+    sharp = flying(floor, replace(NOTHING, roll_pitch=1.0))
+    blurred = flying(floor, replace(NOTHING, roll_pitch=1.0, motion_blur=exposure))
     state = sharp.state
     moments = [
         sharp._project(replace(state, position=p, attitude=a))
@@ -136,22 +134,22 @@ def test_motion_blur_smears_along_the_true_motion(rng):
 
 
 def test_vignetting_darkens_the_corners():
-    off = flying(plain_floor(200), Effects.none()).render()[..., 0]
-    on = flying(plain_floor(200), replace(Effects.none(), vignetting=0.4)).render()[..., 0]
+    off = flying(plain_floor(200), NOTHING).render()[..., 0]
+    on = flying(plain_floor(200), replace(NOTHING, vignetting=0.4)).render()[..., 0]
     assert off.min() == off.max() == 200
     assert on[60, 80] == 200 and abs(int(on[0, 0]) - 120) <= 1
 
 
 def test_noise_has_the_strength_asked_for_and_changes_from_frame_to_frame():
-    quiet = flying(plain_floor(), Effects.none())
-    noisy = flying(plain_floor(), replace(Effects.none(), noise=3.0))
+    quiet = flying(plain_floor(), NOTHING)
+    noisy = flying(plain_floor(), replace(NOTHING, noise=3.0))
     assert quiet.render().std(axis=(0, 1)).max() == 0
     first = noisy.render()[..., 0].astype(float)
     assert abs(first.std() - 3.0) < 0.2 and abs(first.mean() - 128) < 0.2
     noisy.step()
     second = noisy.render()[..., 0].astype(float)
     assert abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.05
-    dark = flying(plain_floor(20), replace(Effects.none(), noise=3.0)).render()[..., 0]
+    dark = flying(plain_floor(20), replace(NOTHING, noise=3.0)).render()[..., 0]
     assert dark.std() < 0.8 * first.std()
 
 
@@ -164,8 +162,8 @@ def test_exposure_changes_brightness_slowly():
             [simulator.render()[..., 0].mean() for _ in range(150) if simulator.step() is not None]
         )
 
-    assert np.ptp(brightness(Effects.none())) == 0
-    changing = brightness(replace(Effects.none(), exposure=0.1))
+    assert np.ptp(brightness(NOTHING)) == 0
+    changing = brightness(replace(NOTHING, exposure=0.1))
     assert changing.std() > 2 and np.abs(np.diff(changing)).max() < 0.1 * 128
 
 
@@ -174,8 +172,8 @@ def test_chroma_is_shared_by_two_pixels(rng):
         simulator = flying(patterned_floor(np.random.default_rng(1)), effects)
         return simulator._sensor.develop(simulator._project(simulator.state), 1.0, (0, 0))
 
-    every = sensed(Effects.none())
-    shared = sensed(replace(Effects.none(), chroma_subsampling=1.0))
+    every = sensed(NOTHING)
+    shared = sensed(replace(NOTHING, chroma_subsampling=1.0))
     assert (every[:, 0::2, 1:] != every[:, 1::2, 1:]).any()
     assert np.array_equal(shared[:, 0::2, 1:], shared[:, 1::2, 1:])
     assert np.array_equal(shared[..., 0], every[..., 0])
@@ -184,7 +182,7 @@ def test_chroma_is_shared_by_two_pixels(rng):
 
 
 def test_the_sensor_equals_its_plain_definition(rng):
-    effects = replace(Effects.none(), noise=4.0, vignetting=0.3)
+    effects = replace(NOTHING, noise=4.0, vignetting=0.3)
     sensor = Sensor(SMALL, effects, np.random.default_rng(2))
     tile = np.random.default_rng(2).standard_normal((3, 120 + 256, 160 + 256), dtype=np.float32)
     scene = rng.integers(0, 256, (120, 160, 3), dtype=np.uint8)
@@ -212,7 +210,7 @@ def test_a_live_frame_equals_the_recorded_file(tmp_path, rng, jpeg, suffix):
 
 
 def test_a_level_camera_and_constant_height_and_heading():
-    simulator = flying(plain_floor(), Effects.none())
+    simulator = flying(plain_floor(), NOTHING)
     state = simulator.state
     assert (state.attitude == 0).all() and (state.rates == 0).all() and state.position[2] == 1.0
     assert np.hypot(*state.velocity[:2]) > 0.1
@@ -299,7 +297,7 @@ def test_a_picture_file_becomes_a_floor_with_ground_where_it_is_transparent(tmp_
     floor = Floor.from_file(tmp_path / "floor.png", 4.0)
     assert floor.area == (0.0, 4.0, 0.0, 2.0)
     simulator = Simulator(
-        floor, camera=SMALL, effects=Effects.none(), start=(2.0, 1.0), rng=np.random.default_rng(0)
+        floor, camera=SMALL, effects=NOTHING, start=(2.0, 1.0), rng=np.random.default_rng(0)
     )
     frame = simulator.render()
     green, ground = frame[60, 40].astype(int), frame[60, 120].astype(int)

@@ -31,6 +31,7 @@ def atomic_file(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[An
     """
     path = Path(os.path.realpath(path)) if Path(path).is_symlink() else Path(path)
     with naming(path):
+        _check_regular(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         clean_leftovers(path)
         descriptor, temporary = tempfile.mkstemp(prefix=_prefix(path, "new"), dir=path.parent)
@@ -108,11 +109,15 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     """Refuse a file that cannot be written, by a `ParameterError` before the work is lost."""
     path = Path(path)
     above = next(each for each in path.absolute().parents if each.exists())
-    if path.is_dir():
-        raise ParameterError(f"{path}: is a folder: give the name of a file")
+    _check_regular(path)
     if not above.is_dir() or not os.access(above, os.W_OK):
         found = "may not be written to" if above.is_dir() else "is no folder"
         raise ParameterError(f"{path}: cannot be written, {above} {found}: give another name")
+
+
+def _check_regular(path: Path) -> None:
+    if path.exists() and not path.is_file():
+        raise ParameterError(f"{path}: is a folder, a device or a pipe: give the name of a file")
 
 
 def check_replaceable(path: Path, replace: bool) -> None:

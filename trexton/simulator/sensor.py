@@ -61,11 +61,6 @@ class Effects(Options):
         """The names of all effects."""
         return tuple(each.name for each in cls.declared())
 
-    @classmethod
-    def none(cls) -> Effects:
-        """Everything off: a perfect camera, level and at constant height."""
-        return cls(**dict.fromkeys(cls.names(), 0.0))
-
     def without(self, *names: str) -> Effects:
         """These effects switched off, the others as they are."""
         return replace(self, **self.checked(dict.fromkeys(names, 0.0), "a camera"))
