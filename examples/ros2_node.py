@@ -21,6 +21,7 @@ try:
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     from geometry_msgs.msg import PoseWithCovarianceStamped
     from rclpy.duration import Duration
+    from rclpy.executors import ExternalShutdownException
     from rclpy.lifecycle import Node, TransitionCallbackReturn
 except ImportError:
     Node = object
@@ -94,7 +95,11 @@ class PositionNode(Node):
     def on_activate(self, state):
         stream, command = sys.stdin, [word for word in self.value("command") if word]
         if command:
-            self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+            # In a session of its own: Ctrl-C is for this node, whose `end` then ends the program
+            # once. A second signal would cut it off.
+            self.process = subprocess.Popen(
+                command, stdout=subprocess.PIPE, text=True, start_new_session=True
+            )
             stream = self.process.stdout
         self.reader = threading.Thread(target=self.read, args=(stream,), daemon=True)
         self.reader.start()
@@ -167,7 +172,7 @@ def main() -> None:
         node.trigger_activate()
     try:
         rclpy.spin(node)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
         node.end()

@@ -191,6 +191,12 @@ class TestAutopilot:
         assert not found["camera"] and not found["origin"]
         assert peer.of("SET_GPS_GLOBAL_ORIGIN") and not peer.of("VISION_POSITION_ESTIMATE")
 
+    def test_a_zone_that_is_sent_as_a_target_is_there_before_take_off_too(self, place):
+        """The check refused what the flight takes: the zone was left out with the landing."""
+        with alive(FUSED) as peer:
+            found = self.links(place, peer.port, mavlink(landing_target=True), heading=0.0)
+        assert found["link"] and not [m for m in peer.of("COMMAND_LONG") if m.command == 21]
+
     def test_one_that_is_silent(self, place):
         found = self.links(place, 9, mavlink(autopilot="ardupilot"))
         assert not (found["link"] or found["fused"] or found["origin"] or found["heading"])

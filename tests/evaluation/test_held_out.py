@@ -1,13 +1,24 @@
 """Stretches of a training flight, flown by maps that did not see them."""
 
+from dataclasses import dataclass, field
+
 import numpy as np
 import pytest
 from onboard_tools import colourful_flight
 from small_room import histogram_flight
 
 from trexton.base.errors import MapError
+from trexton.cli import train
 from trexton.cli.main import main
-from trexton.evaluation.held_out import STRETCH_S, WARM_S, _others, assess, replay, stretches
+from trexton.evaluation.held_out import (
+    STRETCH_S,
+    WARM_S,
+    Assessment,
+    _others,
+    assess,
+    replay,
+    stretches,
+)
 from trexton.flights import write_flight
 from trexton.localization.map_files import load_map
 from trexton.localization.training import train_map
@@ -49,6 +60,15 @@ def test_an_assessment_is_of_all_frames_and_of_what_is_claimed(plain):
     assert 0 <= found.lost_share <= 1 and 0 <= found.coverage_90 <= 1
 
 
+@dataclass
+class Named:
+    """A map of which only the method matters."""
+
+    method: str
+    provenance: dict = field(default_factory=dict)
+    positions: tuple = ()
+
+
 class TestTrain:
     """What is trained for flying unless a method is named."""
 
@@ -80,6 +100,44 @@ class TestTrain:
         said = capsys.readouterr().err
         other = {"field": "fine", "fine": "field"}[made.method]
         assert f"({other} " in said and made.provenance["assessment"]["frames"] > 50
+
+    @pytest.mark.parametrize(
+        ("of_field", "of_fine", "chosen"),
+        [
+            ((0.4, 0.1, 0.85), (0.01, 0.0, 0.7), "field"),
+            ((0.4, 0.1, 0.85), (0.5, 0.0, 0.9), "field"),
+            ((0.4, 0.1, 0.85), (0.01, 0.0, 0.9), "fine"),
+            ((0.4, 0.9, 0.85), (0.01, 0.0, 0.7), "fine"),  # what is always lost is no use
+            ((0.4, 1.0, None), (0.5, 0.0, 0.7), "field"),
+        ],
+    )
+    def test_an_honest_method_is_chosen_before_a_nearer_one(
+        self, tmp_path, monkeypatch, of_field, of_fine, chosen
+    ):
+        """The nearer was taken for flying, of which the same lines said not to steer by it."""
+        shown = {"field": of_field, "fine": of_fine}
+        monkeypatch.setattr(train, "train_map", lambda flight, method, **more: Named(method))
+        monkeypatch.setattr(
+            train, "assess", lambda made, *frames, rng: Assessment(99, *shown[made.method])
+        )
+        monkeypatch.setattr(train, "save_map", lambda made, path: saved.append(made.method))
+        saved = []
+        colourful_flight(tmp_path / "room", frames=6)
+        assert main(["train", str(tmp_path / "room"), "-o", str(tmp_path / "map.npz")]) == 0
+        assert saved == [chosen]
+
+    def test_a_map_that_was_renewed_is_judged_anew(self, tmp_path, capsys):
+        """It went on with what the old map was worth."""
+        folder, old, new = tmp_path / "hall", tmp_path / "map.npz", tmp_path / "new.npz"
+        write_flight(histogram_flight("hall", frames=160, turns=6.0), folder)
+        before = self.trained(folder, tmp_path).provenance["assessment"]
+        later = histogram_flight("later", frames=160, turns=6.0, noise=5)
+        write_flight(later, tmp_path / "later")
+        capsys.readouterr()
+        assert main(["train", "--update", str(old), str(tmp_path / "later"), "-o", str(new)]) == 0
+        found = load_map(new).provenance["assessment"]
+        assert found != before
+        assert f"{100 * found['error_m']:.0f} cm mean error" in capsys.readouterr().err
 
     def test_a_flight_too_short_to_tell_is_trained_all_the_same(self, tmp_path, capsys):
         write_flight(histogram_flight("hall", frames=40), tmp_path / "hall")

@@ -91,6 +91,22 @@ def test_a_map_that_claims_too_much_is_said_and_not_landed_by(coverage, warned, 
     assert main([*words, "--allow-overconfident"]) == 0
 
 
+def test_what_nobody_measured_of_a_map_is_said(flight):
+    """Other parts, or a flight too short to tell, passed for honest."""
+    folder, path = flight
+
+    def line(*choices, method=None) -> str:
+        flying = Flying(camera=str(folder), method=method)
+        return build(Settings(str(path), (), choices, {Flying: flying})).status.line(None, 0.0)
+
+    assert "WARNING: nobody measured" in line()
+    honest = {"assessment": {"coverage_90": 0.9, "lost_share": 0.0}}
+    texton_map = load_map(path)
+    save_map(replace(texton_map, provenance=texton_map.provenance | honest), path)
+    assert "WARNING" not in line() + line(method="paper")
+    assert "WARNING: nobody measured" in line("recovery=augmented")
+
+
 def test_without_a_heading_an_autopilot_is_warned_of(flight, capsys):
     folder, path = flight
     words = ["onboard", str(path), "--camera", str(folder), "--output", "udpout:127.0.0.1:9"]

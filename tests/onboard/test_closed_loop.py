@@ -104,6 +104,7 @@ def test_landing_over_mavlink(manner, tmp_path):
         autopilot.close()
     states = [event["state"] for event in events if event["event"] == "landing"]
     assert states[0].startswith("asked")
+    assert events[-1]["event"] == "end" and events[-1]["landing"] == states[-1]
     if manner == "accepts":
         assert "LANDING" in states and autopilot.commands[0] == 0
         assert np.hypot(*(simulator.state.position[:2] - ZONE)) < 1.8

@@ -1,16 +1,19 @@
 """An hour of simulated flight, 45 000 frames, as fast as it goes, and a short form: memory must not
-grow.
+grow. And an hour at its own pace, with an autopilot that listens.
 """
 
 from __future__ import annotations
 
+import json
+import os
 import resource
 import threading
+import time
 
 import numpy as np
 import pytest
 from conftest import small_flight
-from onboard_tools import AREA, room, room_map
+from onboard_tools import AREA, field_map, mavlink, room, room_map, surroundings
 
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map
@@ -48,8 +51,6 @@ class Memory(Sink):
 
 
 def fly(localizer: Localizer, source: Source, frames: int, folder) -> tuple[dict, int]:
-    from onboard_tools import surroundings
-
     tally, memory = Tally(), Memory()
     sinks = [
         Guard(open_sink(address, surroundings(tally)), tally)
@@ -103,3 +104,59 @@ def test_an_hour_in_the_room(tmp_path):
         == 45_000
     )
     assert growth < 16e6
+
+
+class PacedRoom(Room):
+    """The small room as a camera of 12.5 images a second sees it."""
+
+    live = True
+
+    def open(self):
+        self.began, self.places = time.monotonic() - self.room.state.time, []
+
+    def read(self) -> Frame:
+        frame = super().read()
+        time.sleep(max(0.0, self.began + frame.time - time.monotonic()))
+        self.places.append((time.monotonic(), *self.room.state.position[:2]))
+        return Frame(self.places[-1][0], frame.picture)
+
+
+SECONDS = float(os.environ.get("TREXTON_PACED_S", 0))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not SECONDS, reason="takes so long: TREXTON_PACED_S=3600 make test-slow")
+def test_at_its_own_pace(tmp_path):
+    """Every image reaches the autopilot once, in order, soon and near the truth."""
+    pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
+    from onboard_autopilot import Autopilot
+
+    autopilot, tally, memory = Autopilot("is silent", lambda: None), Tally(), Memory()
+    link = f"udpout:127.0.0.1:{autopilot.port}"
+    sink = open_sink(link, surroundings(tally, area=AREA), mavlink(origin="52,4,0"))
+    log = Guard(open_sink(f"json:{tmp_path}/log", surroundings(tally)), tally)
+    source, stop = PacedRoom(), threading.Event()
+    localizer = Localizer(field_map(), rng=np.random.default_rng(2))
+    Localizer(field_map()).step(source.room.render())  # compiles
+    onboard = Onboard(
+        localizer, source, [Guard(sink, tally), Guard(memory, tally)], tally=tally, log=log
+    )
+    threading.Timer(SECONDS, stop.set).start()
+    summary = onboard.run(stop)
+    autopilot.close()
+    print(json.dumps(summary), memory.growth)
+    rows = [json.loads(line) for line in (tmp_path / "log").read_text().splitlines()]
+    assert (np.diff([row["time_s"] for row in rows if "x_m" in row]) > 0).all()
+    assert summary["frames"] > 0.97 * 12.5 * SECONDS
+    assert summary["dropped"] + summary["faults"].get("late", 0) < 0.01 * summary["frames"]
+    assert set(summary["faults"]) <= {"late", "gap"} and memory.growth < 16e6
+    sent = autopilot.of("VISION_POSITION_ESTIMATE")
+    stamps = 1e-6 * np.array([message.usec for message in sent])
+    assert (np.diff(stamps) > 0).all() and len(sent) > 0.9 * summary["frames"]
+    when, *where = np.array(source.places).T
+    true = np.transpose([np.interp(stamps, when, axis) for axis in where])
+    off = np.hypot(*(true - [(message.y, message.x) for message in sent]).T)
+    print(
+        f"off by {off.mean():.3f} m, {np.quantile(off, 0.99):.3f} m in 99 of 100, {len(sent)} sent"
+    )
+    assert off.mean() < 0.3 and len(autopilot.of("SET_GPS_GLOBAL_ORIGIN")) > SECONDS / 11

@@ -57,6 +57,23 @@ def test_what_names_an_autopilot_and_is_none_is_no_target(kind):
     assert ear.target == (1, 1)
 
 
+@pytest.mark.parametrize("kind", [1, 2, 10, 11, 13, 20, 29])  # what flies, drives or swims
+def test_a_vehicle_is_one_whatever_its_component(kind):
+    """A flight controller whose MAV_COMP_ID had been changed was never heard."""
+    ear = Listener()
+    ear.hear(said_by(mavlink.MAVLink_heartbeat_message(kind, 12, 0, 0, 4, 3), component=7), 0.0)
+    assert ear.target == (1, 7) and speaker(ear).land(0, 0.0)
+
+
+def test_two_autopilots_of_one_system_are_told_of_and_neither_is_landed():
+    for named in ((None, None), (1, None)):
+        ear = listener(1, named=named)
+        assert ear.certain
+        ear.hear(said_by(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 4, 3), component=7), 0.0)
+        assert not ear.certain and not speaker(ear).land(0, 0.0)
+        assert {"event": "several vehicles", "heard": "1/1, 1/7"}.items() <= ear.news[-1].items()
+
+
 def test_a_component_that_is_named_is_the_target_whatever_it_says_it_is():
     ear = Listener((1, 5))
     ear.hear(said_by(AUTOPILOT_HEARTBEAT), 0.0)
@@ -79,6 +96,15 @@ def test_a_clock_that_wraps_is_no_restart():
     ):
         ear.hear(said_by(mavlink.MAVLink_attitude_message(awake, 0, 0, 0, 0, 0, 0)), 1.0)
         assert ear.boots == boots
+
+
+def test_a_message_without_a_time_is_no_restart():
+    """A range finder whose messages leave it out seemed to start the autopilot anew with each."""
+    ear = listener(1)
+    for awake in (60_000, 60_050, 60_100):
+        ear.hear(said_by(mavlink.MAVLink_attitude_message(awake, 0, 0, 0.3, 0, 0, 0)), 1.0)
+        ear.hear(said_by(mavlink.MAVLink_distance_sensor_message(0, 10, 900, 150, 0, 0, 25, 0)), 1)
+    assert ear.boots == 0 and ear.attitude(1.0) == pytest.approx((0, 0, 0.3))
 
 
 def test_only_the_target_is_told_the_time():

@@ -111,6 +111,12 @@ class TestBadFrames:
         assert fixes[10].fault == fault
         assert all(fix.finite for fix in fixes)
 
+    def test_a_camera_of_another_size_is_named_once(self, film, capsys):
+        """Each frame was counted, and nobody told which size had come, and which was wanted."""
+        self.inject(film, np.full((48, 64, 3), 100, np.uint8), count=3)
+        said = capsys.readouterr().err
+        assert said.count("frames of 64x48, and a map of 128x96: set the camera to that") == 1
+
     def test_uncertainty_grows_and_staleness_comes_while_nothing_can_be_used(self, film):
         fixes, tally = self.inject(film, None, count=12)
         blind = fixes[10:22]

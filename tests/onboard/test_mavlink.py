@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from functools import partial
 from threading import Event
@@ -183,6 +184,25 @@ def test_a_line_that_is_not_there_is_counted_and_does_not_block():
     assert sink.status() == "no link" and not sink.land(0)
     sink.close()
     assert [each["why"] for each in sink.news()] == ["No such file or directory"]  # once
+
+
+def test_a_wrong_port_or_baud_rate_is_told_from_silence():
+    """A receiver of satellites on the line, or the right line at another speed."""
+    master, line = os.openpty()
+    sink = open_sink(f"serial:{os.ttyname(line)}:57600", surroundings())
+    sink.open()
+    try:
+        sentence = b"$GNGGA,092750.000,5321.6802,N,00630.3372,W,1,8,1.03,61.7,M,55.2,M,,*76\r\n"
+        assert "no MAVLink" not in sink.status()
+        assert eventually(
+            lambda: os.write(master, sentence) and "bytes that are no MAVLink" in sink.status()
+        )
+        os.write(master, AUTOPILOT_HEARTBEAT.pack(mavlink.MAVLink(None, 1, 1)))
+        assert eventually(lambda: sink.status() == "autopilot 1 heard")
+    finally:
+        sink.close()
+        os.close(master)
+        os.close(line)
 
 
 def test_a_landing_commanded_before_the_link_broke_goes_out_on_no_other(peer):

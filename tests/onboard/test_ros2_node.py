@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import runpy
+import signal
+import subprocess
 import sys
 import time
 from types import ModuleType, SimpleNamespace
@@ -143,6 +146,7 @@ def ros(monkeypatch):
         "rclpy": {"init": lambda: None, "spin": lambda node: node.reader.join(20),
                   "try_shutdown": lambda: None},
         "rclpy.duration": {"Duration": SimpleNamespace},
+        "rclpy.executors": {"ExternalShutdownException": InterruptedError},
         "rclpy.lifecycle": {"Node": LifecycleNode,
                             "TransitionCallbackReturn": SimpleNamespace(SUCCESS="success")},
         "geometry_msgs": {}, "diagnostic_msgs": {},
@@ -198,6 +202,7 @@ def test_a_command_is_run_while_the_node_is_active_and_diagnosed(ros, tmp_path):
     process = node.process
     node.heard_at -= 2.0
     assert diagnosed()[0] == b"\2"
+    assert os.getsid(process.pid) == process.pid  # Ctrl-C in a terminal is not for it
     node.on_deactivate(None)
     assert process.returncode is not None and node.states == ["active", "inactive"]
     assert node.on_cleanup(None) == node.on_shutdown(None) == "success" and len(node.destroyed) == 3
@@ -223,3 +228,84 @@ def test_the_launch_file_gives_each_argument_to_node_or_program(monkeypatch):
         "-p", "heading:=<heading>", "-p", "frame_id:=<frame_id>",
         "-p", "command:=['trexton', 'onboard', '<map>', '--camera', '<camera>']",
     ]  # fmt: skip
+
+
+LISTENER = """
+import json, sys, time
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from lifecycle_msgs.srv import ChangeState
+
+rclpy.init()
+node, places, levels = rclpy.create_node("listener"), [], []
+
+def place(message):
+    stamp, point = message.header.stamp, message.pose.pose.position
+    age = time.time() - stamp.sec - 1e-9 * stamp.nanosec
+    places.append((point.x, point.y, message.pose.covariance[0], message.header.frame_id, age))
+
+node.create_subscription(PoseWithCovarianceStamped, "position", place, 10)
+node.create_subscription(
+    DiagnosticArray, "/diagnostics", lambda message: levels.append(ord(message.status[0].level)), 10
+)
+changes = node.create_client(ChangeState, "/trexton/change_state")
+
+def until(true):
+    end = time.monotonic() + 60
+    while not true() and time.monotonic() < end:
+        rclpy.spin_once(node, timeout_sec=0.1)
+    assert true()
+
+until(lambda: len(places) > 5 and 0 in levels)
+for transition in (4, 3):  # deactivate, activate
+    request = ChangeState.Request()
+    request.transition.id = transition
+    answer = changes.call_async(request)
+    until(answer.done)
+    assert answer.result().success
+    places.clear()
+    if transition == 4:
+        until(lambda: levels[-1] == 2)
+        assert not places
+until(lambda: len(places) > 5)
+print(json.dumps(places[-1]))
+"""
+FEED = """
+import json, time
+row = json.loads(ROW)
+while True:
+    print(json.dumps(row | {"time_s": time.monotonic() - 0.25}), flush=True)
+    time.sleep(0.1)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif("TREXTON_ROS_PYTHON" not in os.environ, reason="names a Python with rclpy")
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_the_real_rclpy(tmp_path, ending):
+    """Without a robot: ``pip install 'ros-rclpy[fastrtps]' ros-geometry-msgs ros-diagnostic-msgs``
+    in an environment of its own, and TREXTON_ROS_PYTHON=THAT/bin/python make test-slow."""
+    python = os.environ["TREXTON_ROS_PYTHON"]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    environment |= {"ROS_LOG_DIR": str(tmp_path), "ROS_DOMAIN_ID": str(os.getpid() % 100)}
+    line = json.dumps(row(make_fix(1.0, (1.0, 2.0))))
+    (tmp_path / "feed.py").write_text(FEED.replace("ROW", repr(line)))
+    command = f"command:=['{python}', '{tmp_path}/feed.py']"
+    words = ["--ros-args", "-p", "heading:=90.0", "-p", "frame_id:=hall", "-p", command]
+    node = subprocess.Popen(
+        [python, EXAMPLE, *words], env=environment, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        heard = subprocess.run(
+            [python, "-c", LISTENER], env=environment, capture_output=True, text=True, timeout=180
+        )
+        assert heard.returncode == 0, heard.stderr
+        node.send_signal(ending)
+        _, errors = node.communicate(timeout=60)
+    finally:
+        node.kill()
+    assert node.returncode == 0 and "Traceback" not in errors
+    x, y, variance, frame, age = json.loads(heard.stdout)
+    assert x == pytest.approx(2.0) and y == pytest.approx(-1.0) and frame == "hall"
+    assert variance == pytest.approx(0.09) and age == pytest.approx(0.25, abs=0.2)

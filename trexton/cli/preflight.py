@@ -65,7 +65,7 @@ def preflight(settings: Settings, seconds: float = DURATION) -> list[Check]:
     autopilots = tuple(each for each, addressed in sinks if addressed and addressed[0].autopilot)
     changes: dict[Any, Any] = {
         Flying: replace(settings.of(Flying), log=None, frames=None),
-        Landing: Landing(),
+        Landing: replace(settings.of(Landing), arm_landing=False),
         Playback: replace(settings.of(Playback), pace="stamps"),
     }
     quiet = replace(settings, outputs=autopilots, options={**settings.options, **changes})

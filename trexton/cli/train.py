@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
             if len(methods) == 1:
                 raise
             say(f"method {method} is left out: {error}")
-    texton_map, assessment = min(tried, key=lambda each: each[1].error_m if each[1] else np.inf)
+    texton_map, assessment = min(tried, key=lambda each: _demerit(each[1]))
     path = save_map(texton_map, arguments.output)
     say(f"{len(texton_map.positions)} frames of {flight.name} became {path}")
     others = [
@@ -99,10 +99,12 @@ def _update(
     own = TrainOptions(update=options.update, seed=options.seed)
     if choices or options != own:
         raise ParameterError("--update renews a map as it is: leave other options out, but --seed")
-    texton_map, replaced = renewed(load_map(old), flight, rng=stream(options.seed, "training"))
+    made, replaced = renewed(load_map(old), flight, rng=stream(options.seed, "training"))
+    texton_map, assessment = _assessed(made, None, options)
     path = save_map(texton_map, output)
     count = len(texton_map.positions)
     say(f"{flight.name} replaced {replaced} frames of {old}: {count} frames became {path}")
+    say(f"method {texton_map.method}: {_verdict(assessment)}")
     return 0
 
 
@@ -132,13 +134,27 @@ def _trained(
         **choices,
     )
     frames = flight.select(flight.located)
-    looks = frames if method == "fine" else None
+    return _assessed(texton_map, frames if method == "fine" else None, options)
+
+
+def _assessed(
+    texton_map: TextonMap, frames: Flight | None, options: TrainOptions
+) -> tuple[TextonMap, Assessment | None]:
+    """The map with what left-out parts of its flight say of it; None of a short flight."""
     try:
-        assessment = assess(texton_map, looks, rng=stream(options.seed, "assessment"))
+        assessment = assess(texton_map, frames, rng=stream(options.seed, "assessment"))
     except MapError:
         return texton_map, None
     provenance = texton_map.provenance | {"assessment": asdict(assessment)}
     return replace(texton_map, provenance=provenance), assessment
+
+
+def _demerit(assessment: Assessment | None) -> tuple[bool, float]:
+    """Least for the method to fly: those that are honest and seldom lost, then by their error."""
+    if assessment is None:
+        return True, np.inf
+    honest = (assessment.coverage_90 or 0.0) >= LEAST_COVERAGE
+    return not honest or assessment.lost_share > MOST_LOST, assessment.error_m
 
 
 def _verdict(assessment: Assessment | None) -> str:

@@ -50,13 +50,14 @@ def renewed(
     every = np.concatenate([np.reshape(texton_map.area, (2, 2)).T, places])
     (x_min, y_min), (x_max, y_max) = every.min(axis=0).tolist(), every.max(axis=0).tolist()
     start = texton_map.time[-1] + GAP_S - later.time[0]
+    news = {"renewed": [flight.name, flight.data_hash], "assessment": None}  # not judged yet
     result = replace(
         texton_map,
         histograms=np.concatenate([texton_map.histograms[old], histograms]),
         positions=np.concatenate([texton_map.positions[old], places]),
         time=np.concatenate([texton_map.time[old], later.time + start]),
         area=(x_min, x_max, y_min, y_max),
-        provenance=texton_map.provenance | {"renewed": [flight.name, flight.data_hash]},
+        provenance=texton_map.provenance | news,
     )
     parts = {role: part.untrained() for role, part in texton_map.parts.items() if role not in KEPT}
     return with_parts(result, parts, rng=rng), int((~old).sum())

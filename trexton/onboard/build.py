@@ -117,7 +117,7 @@ def _localizer(texton_map: TextonMap, settings: Settings, touchdown: bool) -> Lo
 
 
 def _overconfidence(texton_map: TextonMap, settings: Settings) -> str:
-    """What left-out parts of the training flight said against the map's covariances, if it did.
+    """What left-out parts of the training flight say against the map's covariances, if anything.
 
     Raises
     ------
@@ -125,10 +125,11 @@ def _overconfidence(texton_map: TextonMap, settings: Settings) -> str:
         A landing by it was asked for, and not by the word that it takes.
     """
     flying, landing = settings.of(Flying), settings.of(Landing)
-    found = texton_map.provenance.get("assessment", {"coverage_90": 1.0})
+    found = texton_map.provenance.get("assessment")
+    if not found or settings.choices or flying.method not in (None, texton_map.method):
+        return "nobody measured how many positions the 90 % region of this map and method holds"
     coverage = found["coverage_90"]
-    other = settings.choices or flying.method not in (None, texton_map.method)
-    if other or (coverage is not None and coverage >= LEAST_COVERAGE):
+    if coverage is not None and coverage >= LEAST_COVERAGE:
         return ""
     held = "no" if coverage is None else f"{coverage:.0%} of"
     words = f"the map's 90 % region held {held} positions of its own flight"

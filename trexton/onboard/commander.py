@@ -94,10 +94,8 @@ class Commander:
         self._take_answers(now)
         self._take_landed_state()
         if self._left(fix, now):
-            if self.state not in (
-                State.LANDING,
-                State.LANDED,
-            ):  # else it has obeyed, wherever it is
+            # Landing, or landed, it has obeyed, wherever it is.
+            if self.state not in (State.LANDING, State.LANDED):
                 self._end_visit("the zone was left")
         elif inside and self.state in (State.WATCHING, State.ASKED):
             self._ask(fix, now)

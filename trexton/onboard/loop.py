@@ -175,6 +175,10 @@ class Onboard:
                 fault = "misfit"
                 if not self.tally[fault]:
                     say(f"trexton onboard: {error}")
+        elif fault == "size" and picture is not None and not self.tally[fault]:
+            shapes = picture.shape[:2], self.localizer.map.image_shape or (0, 0)
+            came, own = (f"{columns}x{rows}" for rows, columns in shapes)
+            say(f"trexton onboard: frames of {came}, and a map of {own}: set the camera to that")
         self.tally.count(fault)
         return self.localizer.step(None), fault
 

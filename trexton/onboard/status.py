@@ -37,14 +37,12 @@ class Status:
         self._tally, self._sinks = tally, sinks
         self.commander, self.warnings = commander, warnings
         self._latencies: deque[float] = deque(maxlen=LATENCIES)
-        self._longest = 0.0
         self._frames = 0
         self._last_at: float | None = None
 
     def took(self, seconds: float) -> None:
         """Take in the latency of a frame."""
         self._latencies.append(seconds)
-        self._longest = max(self._longest, seconds)
 
     def _latency(self, share: float) -> float:
         """What this share of the latencies does not exceed; NaN before the first."""
@@ -89,16 +87,18 @@ class Status:
         return f"x {x:.2f} y {y:.2f} m, spread {fix.spread[0]:.2f} {fix.spread[1]:.2f} m{flags}"
 
     def summary(self) -> dict[str, Any]:
-        """Counts, latencies in seconds and the most memory in bytes over the whole run."""
+        """Counts, latencies in seconds and the most memory in bytes over the whole run; and how a
+        landing stood at its end."""
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        return {
+        landing = {} if self.commander is None else {"landing": self.commander.state.value}
+        return landing | {
             "frames": self._tally["frames"],
             "observed": self._tally["observed"],
             "dropped": self._tally["dropped"],
             "latency_s": {
                 "median": self._latency(0.5),
                 "p99": self._latency(0.99),
-                "longest": self._longest,
+                "longest": self._latency(1.0),
             },
             "memory_bytes": most * (1 if sys.platform == "darwin" else 1024),
             "faults": self._tally.faults,

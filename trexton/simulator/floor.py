@@ -169,10 +169,6 @@ class Floor:
         target[:] = np.rint(painted + (1 - alpha) * target)
 
 
-def _hall(rng: np.random.Generator) -> tuple[Placement, ...]:
-    return HALL
-
-
 def _moved(rng: np.random.Generator) -> tuple[Placement, ...]:
     """The eight mats, each in the place of another."""
     order = rng.permutation(len(HALL))
@@ -201,7 +197,7 @@ def _carpet(rng: np.random.Generator) -> tuple[Placement, ...]:
 
 
 LAYOUTS: dict[str, Callable[[np.random.Generator], tuple[Placement, ...]]] = {
-    "hall": _hall,
+    "hall": lambda rng: HALL,
     "moved": _moved,
     "repeats": _repeats,
     "few": _few,

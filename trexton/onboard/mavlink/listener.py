@@ -24,6 +24,8 @@ WRAP_MS = 60_000  # milliseconds about the last of a clock of 32 bits in which i
 BUFFER_SIZE = 512  # of each: a second and more of the fastest stream, for a camera that is late
 MAX_SAMPLE_AGE = 0.5  # seconds between a frame and attitude, height or velocity that fit it
 NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
+# MAV_TYPE of what flies, drives or swims, by number: names have changed between dialects.
+VEHICLES = {*range(1, 5), *range(7, 18), *range(19, 26), 28, 29, 35}
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
 INVALID_SIGNAL = 1  # of 100; 0 is unknown
 T = TypeVar("T")
@@ -33,7 +35,8 @@ class Listener:
     """Listens to one autopilot, whoever else is on the wire.
 
     Only an autopilot's heartbeat can make somebody the target: it names an autopilot, and it comes
-    from component 1, unless another was named. The first vehicle that is heard is ours.
+    from component 1 or a type of vehicle, unless a component was named. The first vehicle that is
+    heard is ours.
 
     Parameters
     ----------
@@ -58,7 +61,7 @@ class Listener:
     ):
         self._named, self._local, self._component = named, local or LocalFrame(), component
         self.target: tuple[int, int] | None = None
-        self.systems: set[int] = set()  # every vehicle whose autopilot was ever heard
+        self.heard: set[tuple[int, int]] = set()  # every autopilot that may be ours
         self.heard_at = -np.inf
         self.boots, self._awake_ms = 0, 0
         self.answers: deque[int] = deque(maxlen=64)  # to landing commands
@@ -91,7 +94,7 @@ class Listener:
         handler = self._handlers.get(kind)
         if handler is None:
             return
-        if self._from_autopilot(message):
+        if self.target == (message.get_srcSystem(), message.get_srcComponent()):
             self._notice_boot(getattr(message, "time_boot_ms", None))
             handler(message, now)
         elif kind == "HEARTBEAT":
@@ -103,8 +106,8 @@ class Listener:
 
     @property
     def certain(self) -> bool:
-        """Whether the target is beyond doubt: named by its number, or the only vehicle around."""
-        return self.target is not None and (self._named[0] is not None or len(self.systems) == 1)
+        """Whether the target is beyond doubt: named, or the only autopilot that was ever heard."""
+        return len(self.heard) == 1
 
     def fused(self, now: float) -> bool | None:
         """Whether the autopilot has a horizontal position; None where it has not said so lately."""
@@ -151,34 +154,29 @@ class Listener:
             *(None if entry is None else entry[0] for entry in (attitude, height, velocity)),
         )  # fmt: skip
 
-    def _from_autopilot(self, message: Any) -> bool:
-        return self.target == (message.get_srcSystem(), message.get_srcComponent())
-
     def _on_heartbeat(self, message: Any, now: float) -> None:
-        system, component = message.get_srcSystem(), message.get_srcComponent()
-        named_system, named_component = self._named
-        if named_component is None and (
-            message.autopilot in NO_AUTOPILOTS or component != mavlink.MAV_COMP_ID_AUTOPILOT1
-        ):
+        who = system, component = message.get_srcSystem(), message.get_srcComponent()
+        vehicle = component == mavlink.MAV_COMP_ID_AUTOPILOT1 or message.type in VEHICLES
+        if self._named[1] is None and (message.autopilot in NO_AUTOPILOTS or not vehicle):
             return
-        if named_system not in (None, system) or named_component not in (None, component):
+        if any(own not in (None, number) for own, number in zip(self._named, who, strict=True)):
             return
-        if system not in self.systems:
-            self.systems.add(system)
-            if len(self.systems) > 1:
-                heard = ", ".join(map(str, sorted(self.systems)))
+        if who not in self.heard:
+            self.heard.add(who)
+            if len(self.heard) > 1:
+                heard = ", ".join(f"{each}/{part}" for each, part in sorted(self.heard))
                 advice = "name ours with --target; no landing until then"
-                self.news.append({"event": "several vehicles", "systems": heard, "do": advice})
+                self.news.append({"event": "several vehicles", "heard": heard, "do": advice})
         if self.target is None:
-            self.target = (system, component)
+            self.target = who
             self.news.append({"event": "autopilot", "system": system, "component": component})
-        if self.target == (system, component):
+        if self.target == who:
             self.heard_at, self._mode = now, message.custom_mode
 
     def _notice_boot(self, awake_ms: int | None) -> None:
         """An autopilot whose own clock has jumped back by seconds has started anew, unless it
         went on from its last millisecond, after 49 days."""
-        if awake_ms is None:
+        if not awake_ms:  # 0 is of a message that tells no time
             return
         wrapped = (awake_ms - self._awake_ms) % 2**32 < WRAP_MS
         if self._awake_ms - awake_ms > BOOT_CLOCK_STEP_MS and not wrapped:

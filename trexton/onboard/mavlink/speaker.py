@@ -67,8 +67,7 @@ class Speaker:
         self._asked += {"none": [], "tilt": ["height"], "all": ["height", "velocity"]}[aiding]
         self.withheld = 0
         self.commands: deque[Any] = deque()
-        self._fix: Fix | None = None  # the latest usable one that an image went into
-        self._failed: Fix | None = None
+        self._fix: Fix | None = None  # the latest that an image went into, or that is not usable
         self._told_at = -np.inf
         self._next_at = -np.inf  # when it is to be sent: at once, then for want of another
         self._due: dict[str, float] = {}
@@ -77,13 +76,9 @@ class Speaker:
     def tell(self, fix: Fix, now: float) -> None:
         """Take in a new fix. A prediction is no measurement: only what an image went into is passed
         on."""
-        if not fix.usable:
-            self._fix, self._failed = None, fix if fix.finite else None
-        elif fix.observed:
-            self._fix, self._failed = fix, None
-        else:
-            return
-        self._told_at, self._next_at = now, -np.inf
+        if fix.observed or not fix.usable:
+            self._fix = fix if fix.finite else None
+            self._told_at, self._next_at = now, -np.inf
 
     def land(self, confirmation: int, now: float) -> bool:
         """Put a landing command out; False while nobody is there, or it is in doubt who obeys."""
@@ -155,10 +150,11 @@ class Speaker:
         Each image goes out once, as of its capture. A repetition is the motion model's prediction
         for a later moment, before which no other image can have been taken; it repeats no yaw.
         """
-        if self._fix is not None and self._fix.age(now) > REPEAT_TIMEOUT:
-            self._fix = None  # old is never taken for fresh
-        fix = self._fix or self._failed
+        fix = self._fix
         if fix is None or now < self._next_at:
+            return []
+        if fix.usable and fix.age(now) > REPEAT_TIMEOUT:  # old is never taken for fresh
+            self._fix = None
             return []
         captured = now - fix.age(now)
         stamp, fusion, again = captured, fix.fusion, bool(np.isfinite(self._next_at))
@@ -166,12 +162,13 @@ class Speaker:
         if again:
             stamp += now - self._told_at - REPEAT_LAG
             covariance = REPEAT_INFLATION * (covariance + self._motion_rate * (stamp - captured))
-        attitude, failed = self.listener.attitude(stamp), fix is self._failed
+        attitude, failed = self.listener.attitude(stamp), not fix.usable
+        self._next_at = now + REPEAT_AFTER
+        if failed or (attitude is None and self.profile.needs_attitude):  # said once, or not at all
+            self._fix = None
         if attitude is None and self.profile.needs_attitude:
             self.withheld += 1
-            self._fix = self._failed = None
             return []
-        self._next_at, self._failed = now + REPEAT_AFTER, None
         yaw = sigma = np.nan
         if self._send_yaw and not failed:
             if fix.heading is not None and fix.heading_sigma is not None and not again:

@@ -179,8 +179,8 @@ class Guard:
             return
         try:
             if not self._open:
+                self._open = True  # as far as there is something to close
                 self.sink.open()
-                self._open = True
             act()
             self._pause = FIRST_PAUSE
         except (OSError, TrextonError) as error:
@@ -190,23 +190,19 @@ class Guard:
             say(f"trexton onboard: {self.sink.name}: {why}: trying again in {self._pause:g} s")
             self._retry_at = now + self._pause
             self._pause = min(2 * self._pause, LONGEST_PAUSE)
-            self._open = False
-            self._close()
+            self.close()
         except Exception:  # a bug: nothing more is asked of it, and the run ends
             self.left_out += 1
-            self._open, self._retry_at = False, np.inf
-            self._close()
+            self._retry_at = np.inf
+            self.close()
             raise
 
     def close(self) -> None:
         """Close the sink, whatever state it is in."""
         if self._open:
             self._open = False
-            self._close()
-
-    def _close(self) -> None:
-        with suppress(OSError, ValueError):
-            self.sink.close()
+            with suppress(OSError, ValueError):
+                self.sink.close()
 
 
 def open_sink(

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 5.0
 WAIT = 0.005  # seconds that a position may wait for the wire; its stamp does not change
 MIN_MESSAGE_BYTES = 8  # bytes; what the parser waits for before it knows more
+MOST_UNREAD = 500  # bytes in which no message is found, before it is said
+FUSED = {True: "has a position", False: "HAS NO POSITION", None: "does not say if it has one"}
 
 
 class MavlinkSink(Sink):
@@ -63,6 +65,7 @@ class MavlinkSink(Sink):
         self._thread: threading.Thread | None = None
         self.connected = False
         self._why = ""  # the link failed last, as it was said
+        self._unread = 0  # bytes since the last message
 
     @classmethod
     def make(cls, address: str, options: MavlinkOptions, around: Surroundings) -> MavlinkSink:
@@ -97,12 +100,7 @@ class MavlinkSink(Sink):
             words = words if place else "not given: modes of a global position need --origin"
         yield Check("origin", holds, words)
         fused = listener.fused(now)
-        words = {
-            True: "the autopilot has a position",
-            False: "the autopilot HAS NO POSITION",
-            None: "the autopilot does not say whether it has a position",
-        }[fused]
-        yield Check("fused", fused is True, words)
+        yield Check("fused", fused is True, f"the autopilot {FUSED[fused]}")
 
     def open(self) -> None:
         self._stop.clear()
@@ -117,17 +115,20 @@ class MavlinkSink(Sink):
         """Command a landing; False while no autopilot is there to obey it, or it is in doubt which
         one would."""
         with self._lock:
-            queued = self.connected and self.speaker.land(confirmation, self._clock())
-        return queued
+            return self.connected and self.speaker.land(confirmation, self._clock())
 
-    def answers(self) -> list[Any]:
+    def answers(self) -> list[int]:
         """The autopilot's answers to commands since this was last asked."""
-        with self._lock:
-            return _drained(self.speaker.listener.answers)
+        return self._drained(self.speaker.listener.answers)
 
     def news(self) -> list[dict[str, Any]]:
+        return self._drained(self.speaker.listener.news)
+
+    def _drained(self, queue: Any) -> list[Any]:
         with self._lock:
-            return _drained(self.speaker.listener.news)
+            drained = list(queue)
+            queue.clear()
+            return drained
 
     def phase(self) -> dict[str, object]:
         with self._lock:
@@ -142,18 +143,18 @@ class MavlinkSink(Sink):
             listener, now = self.speaker.listener, self._clock()
             if not self.connected:
                 return "no link"
-            words = {None: "", True: ", has a position", False: ", HAS NO POSITION"}
-            held = self.speaker.withheld
-            return (
-                self._heard(now)
-                + (words[listener.fused(now)] if listener.present(now) else "")
-                + (f", {held} withheld for want of attitude" if held else "")
-            )
+            said = [self._heard(now)]
+            if listener.present(now) and (fused := listener.fused(now)) is not None:
+                said.append(FUSED[fused])
+            if held := self.speaker.withheld:
+                said.append(f"{held} withheld for want of attitude")
+            return ", ".join(said)
 
     def _heard(self, now: float) -> str:
         listener = self.speaker.listener
         if listener.target is None:
-            return "no autopilot heard"
+            unread = f", but {self._unread} bytes that are no MAVLink: look at port and baud rate"
+            return "no autopilot heard" + unread * (self._unread > MOST_UNREAD)
         words = f"autopilot {listener.target[0]} {'heard' if listener.present(now) else 'silent'}"
         return words + ("" if listener.certain else ", SEVERAL VEHICLES: give --target")
 
@@ -234,12 +235,7 @@ class MavlinkSink(Sink):
             self._codec.expected_length = MIN_MESSAGE_BYTES
         parsed = self._codec.parse_buffer(data) or []
         messages = [message for message in parsed if message.get_type() != "BAD_DATA"]
+        self._unread = 0 if messages else self._unread + len(data)
         if messages:
             self._link.understood()
         return messages
-
-
-def _drained(queue: Any) -> list[Any]:
-    drained = list(queue)
-    queue.clear()
-    return drained
