@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from types import SimpleNamespace
+import time
 
 import numpy as np
 import pytest
@@ -70,8 +70,7 @@ def odometry(report, grade):
 def gps_input(report, unix, fixed=True):
     gps = messages.PROFILES["ardupilot-gps"](NORTH_UP, AREA, (52.0, 4.0, 10.0))
     with pytest.MonkeyPatch.context() as patch:
-        clock = SimpleNamespace(time=lambda: unix, monotonic=lambda: report.time)
-        patch.setattr(messages, "time", clock)
+        patch.setattr(messages, "UNIX_OFFSET", unix - report.time)
         return (gps.position if fixed else gps.failed)(None, report)
 
 
@@ -175,6 +174,14 @@ class TestFields:
         for yaw, sent in ((0.0, 36000), (math.pi / 2, 9000), (-math.pi / 2, 27000)):
             turned = report(yaw=yaw, yaw_sigma=0.01)
             assert gps_input(turned, unix).yaw == sent
+
+    def test_a_clock_that_is_set_in_flight_moves_no_receivers_time(self, monkeypatch):
+        gps = messages.PROFILES["ardupilot-gps"](NORTH_UP, AREA, (52.0, 4.0, 10.0))
+        before = gps.position(None, report())
+        set_clock = time.time() + 3600.0
+        monkeypatch.setattr(time, "time", lambda: set_clock)
+        after = gps.position(None, report())
+        assert (after.time_week, after.time_week_ms) == (before.time_week, before.time_week_ms)
 
     def test_landing_target_is_the_place_for_px4_and_the_way_there_for_ardupilot(self):
         east_up = LocalFrame(math.pi / 2, 2.0)

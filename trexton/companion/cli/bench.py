@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
+from typing import Any
 
 from trexton.base.arguments import add_options, chosen_options
 from trexton.base.options import Options, option
@@ -38,15 +39,19 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.companion.checks.timing import table
 
     asked = chosen_options(arguments, BenchOptions)
-    if asked.board:
-        print(canonical_json(measure_board(200 if asked.quick else 600, seed=asked.seed)))
-        return 0
     if asked.json:
         check_writable(asked.json)
-    rows = list(measure(arguments.stage, quick=asked.quick, seed=asked.seed))
+    rows: Any = (
+        measure_board(200 if asked.quick else 600, seed=asked.seed)
+        if asked.board
+        else list(measure(arguments.stage, quick=asked.quick, seed=asked.seed))
+    )
     if asked.json:
         with atomic_file(asked.json) as stream:
             stream.write(canonical_json(rows))
+    if asked.board:
+        print(canonical_json(rows))
+        return 0
     here = machine()
     busy = "" if here["load"] is None else f", load {here['load']:.1f}"
     print(f"{here['processor']}, {here['processors']} processors{busy}")

@@ -29,6 +29,7 @@ UNKNOWN_ANGLE = math.pi**2  # square radians
 EARTH = 6_371_000.0  # radius in metres
 GPS_EPOCH = 315_964_800 - 18  # seconds: 6 January 1980 in Unix time, leap seconds since
 WEEK = 604_800  # seconds
+UNIX_OFFSET = time.time() - time.monotonic()  # seconds; a clock set in flight moves no receiver's
 SATELLITES = 10  # as many as ArduPilot asks for before it flies by them
 # Variances of roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row.
 _ANGLES = (15, 18, 20)
@@ -236,8 +237,7 @@ class ArduPilotGps(Profile):
         to_north = np.degrees(north / EARTH)
         to_east = np.degrees(east / (EARTH * math.cos(math.radians(latitude))))
         accuracy = largest_deviation(report.covariance)
-        unix = time.time() - time.monotonic() + report.time
-        week, seconds = divmod(unix - GPS_EPOCH, WEEK)
+        week, seconds = divmod(UNIX_OFFSET + report.time - GPS_EPOCH, WEEK)
         yaw = 0  # hundredths of a degree; 0 is unknown, and north is 36000
         if math.isfinite(report.yaw):
             yaw = round(100 * math.degrees(report.yaw)) % 36000 or 36000

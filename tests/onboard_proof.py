@@ -1,0 +1,143 @@
+"""What both estimators make of a flight that is sent to them, beside each image sent once at its
+capture: the whole way from frames to messages to the fused position.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from onboard_autopilot import AUTOPILOT_HEARTBEAT, attitude, from_autopilot
+from onboard_consumers import Delayed, ekf2, ekf3, readings
+from scipy.interpolate import CubicSpline
+
+from trexton.flights import Flight
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.onboard.fix import Continuity, Fix, LocalFrame
+from trexton.onboard.mavlink.listener import Listener
+from trexton.onboard.mavlink.messages import PROFILES
+from trexton.onboard.mavlink.speaker import Speaker
+
+TICK = 0.01  # seconds
+G = 9.81
+SETTLED_S = 4.0  # after the first message that is fused
+
+
+def estimator(profile: str, floor: float | None = None) -> Delayed:
+    """The consumer behind a profile, with another lower bound of the standard deviation, metres."""
+    if profile == "px4":
+        made = Delayed(ekf2())
+    else:
+        made = Delayed(ekf3(), 0.22, 0.02, start_s=0.5, stop_s=0.5)
+    made.consumer.floor = floor or made.consumer.floor
+    return made
+
+
+def fixes(texton_map: TextonMap, test: Flight, seed: int = 1) -> list[Fix]:
+    """What the loop hands to its sinks of each frame, flown as it is recorded."""
+    localizer = Localizer(texton_map, rng=np.random.default_rng(seed))
+    continuity = Continuity(localizer.parts["motion"].growth, texton_map.period_s)
+    made = []
+    for row, time in enumerate(test.time.tolist()):
+        if test.has_images:
+            aiding = test.aiding(row).without_heading()
+            estimate = localizer.step(test.image(row), aiding=aiding)
+        else:
+            estimate = localizer.step(test.histograms[row])
+        fix = Fix.of(estimate, time, row, texton_map.area, texton_map.period_s)
+        made.append(continuity.mark(fix))
+    return made
+
+
+@dataclass
+class Fused:
+    """Mean error in metres, share of ticks with the truth in the 90 % region, messages dropped."""
+
+    error_m: float
+    inside: float
+    dropped: int
+
+
+class Vehicle:
+    """One that flew a known track, with an accelerometer whose level wanders by a seventh of a
+    degree."""
+
+    def __init__(self, test: Flight, seed: int = 3):
+        rng = np.random.default_rng(seed)
+        self.start = float(test.time[0])
+        self.ticks = np.arange(self.start, float(test.time[-1]) + 0.6, TICK)
+        within = np.clip(self.ticks, test.time[0], test.time[-1])
+        self.truth = CubicSpline(test.time, np.asarray(test.position))(within)
+        tilt = np.zeros((len(self.ticks), 2))
+        for step in range(1, len(tilt)):
+            tilt[step] = 0.999 * tilt[step - 1] + rng.normal(0, 1e-4, 2)
+        self.pushes = readings(self.truth, TICK, rng) + G * tilt
+
+    def fused(self, autopilot: Delayed, arrivals) -> Fused:
+        """`arrivals` gives the messages that have come at a tick."""
+        errors, inside, began = [], [], np.inf
+        shift = round(autopilot.horizon_s / TICK)
+        for number, now in enumerate(self.ticks):
+            for stamp, position, variances in arrivals(now):
+                autopilot.receive(stamp, position, variances)
+            autopilot.tick(now, self.pushes[number], TICK)
+            if autopilot.consumer.state is not None:
+                began = min(began, now)
+                if now - began > SETTLED_S:
+                    truth = self.truth[number - shift + 1]
+                    errors.append(np.hypot(*(autopilot.consumer.state[:2] - truth)))
+                    inside.append(autopilot.consumer.inside(truth))
+        return Fused(float(np.mean(errors)), float(np.mean(inside)), len(autopilot.dropped))
+
+
+def once(made: list[Fix], delay: float):
+    """Each image once, at its capture: the best there is to be sent."""
+    waiting = [fix for fix in made if fix.usable and fix.observed]
+
+    def arrivals(now):
+        while waiting and waiting[0].time + delay <= now:
+            fusion, time = waiting[0].fusion, waiting.pop(0).time
+            bound = abs(fusion.covariance[0, 1])
+            yield time, fusion.position, np.diagonal(fusion.covariance) + bound
+
+    return arrivals
+
+
+def sent(made: list[Fix], delay: float, profile: str, texton_map: TextonMap):
+    """What goes over the wire of the same fixes."""
+    growth = Localizer(texton_map, rng=np.random.default_rng(0)).parts["motion"].growth(1.0)
+    talk = Speaker(PROFILES[profile](LocalFrame(), texton_map.area), growth, Listener())
+    talk.listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), made[0].time)
+    waiting = list(made)
+
+    def arrivals(now):
+        if round(now / TICK) % 5 == 0:
+            talk.listener.hear(from_autopilot(attitude(now)), now)
+        while waiting and waiting[0].time + delay <= now:
+            talk.tell(waiting.pop(0), now)
+        for message in talk.due(now):
+            kind = message.get_type()
+            if kind == "VISION_POSITION_ESTIMATE" or (kind == "ODOMETRY" and message.quality > 0):
+                stamp = getattr(message, "usec", None) or message.time_usec
+                matrix = getattr(message, "covariance", None) or message.pose_covariance
+                where = np.array([message.y, message.x])
+                yield 1e-6 * stamp, where, np.array([matrix[6], matrix[0]])
+
+    return arrivals
+
+
+def proof(
+    texton_map: TextonMap, test: Flight, profile: str, delay: float, floor=None, made=None
+) -> tuple[Fused, Fused]:
+    """Of what is sent, and of each image once; means over three accelerometers."""
+    made = made or fixes(texton_map, test)
+    both = []
+    for seed in (3, 4, 5):
+        vehicle = Vehicle(test, seed)
+        best = vehicle.fused(estimator(profile, floor), once(made, delay))
+        wire = sent(made, delay, profile, texton_map)
+        both.append((vehicle.fused(estimator(profile, floor), wire), best))
+    return tuple(
+        Fused(*np.mean([(x.error_m, x.inside, x.dropped) for x in each], axis=0))
+        for each in zip(*both, strict=True)
+    )
