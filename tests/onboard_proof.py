@@ -55,7 +55,7 @@ class Fused:
 
     error_m: float
     inside: float
-    dropped: int
+    dropped: float
 
 
 class Vehicle:
@@ -138,6 +138,6 @@ def proof(
         wire = sent(made, delay, profile, texton_map)
         both.append((vehicle.fused(estimator(profile, floor), wire), best))
     return tuple(
-        Fused(*np.mean([(x.error_m, x.inside, x.dropped) for x in each], axis=0))
+        Fused(*np.mean([(x.error_m, x.inside, x.dropped) for x in each], axis=0).tolist())
         for each in zip(*both, strict=True)
     )
