@@ -35,7 +35,7 @@ def test_one_version_everywhere():
 
 def test_a_release_of_the_changelog_has_fifteen_lines_at_most():
     releases = re.split(r"\n## ", (ROOT / "CHANGELOG.md").read_text())[1:]
-    assert [len(re.findall(r"^- ", text, re.MULTILINE)) <= 15 for text in releases]
+    assert releases and all(len(re.findall(r"^- ", text, re.MULTILINE)) <= 15 for text in releases)
 
 
 def test_the_evidence_of_the_quality_declaration_is_there():
@@ -65,9 +65,14 @@ def test_every_promise_names_a_test_that_is_there():
 
 def test_the_manifest_names_what_experiments_leave():
     manifest = yaml.safe_load((ROOT / "codecheck.yml").read_text())["manifest"]
-    named = [Path(entry["file"]) for entry in manifest]
-    assert {path.stem for path in named} <= set(EXPERIMENTS) and len(named) > 25
-    assert all(path.parts[0] == "results" and path.suffix == ".json" for path in named)
+    lacks = {"sim-survey": {"histograms"}, "cyberzoo": {"images", "floor", "camera"}}
+    left = {
+        f"results/{flight}/{name}.json"
+        for flight, lacking in lacks.items()
+        for name, experiment in EXPERIMENTS.items()
+        if experiment.run and not lacking & set(experiment.needs)
+    }
+    assert sorted(entry["file"] for entry in manifest) == sorted({*left, "results/claims.json"})
 
 
 def test_a_flight_and_a_record_of_0_1_are_read():

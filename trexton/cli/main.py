@@ -148,5 +148,5 @@ def _missing_extra(error: ModuleNotFoundError) -> str | None:
     package = Path(__file__).parents[1]
     if package not in asking.parents:
         return None
-    extra = "book" if package / "companion" in asking.parents else "import"
+    extra = "book" if package / "companion" in asking.parents else "flights"
     return f"needs the package {error.name!r}, which is not here: pip install 'trexton[{extra}]'"
