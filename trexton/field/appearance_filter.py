@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import isqrt
-from statistics import NormalDist
 
 import numpy as np
 
@@ -44,15 +43,15 @@ SEARCH_STATES = 192
 SEARCH_KEPT, SEARCH_CHILDREN = 12, 3  # states that go on from frame to frame, and beside each
 SEARCH_PENALTY = 10.0  # log evidence, of each group that is not as it was last
 MISFIT = 1.25  # average normalized residual of corrected frames from which on they fit no place
+BACK_FRAMES = 2  # on end, that fit as before a search and end it
 RESIDUAL_GAIN = 0.3  # of that average, a frame
 SETTLED_EVERY = 3  # frames between updates while frames fit well
 UNFAMILIAR = 0.9  # average normalized residual up to which they do
 LOST_FRAMES = 25  # on end, after which all is searched anew
 TILE_MISFIT = 1.8  # normalized residual of a tile from which on it may lie in another light
 TILE_PENALTY = 12.0  # log evidence, of a tile that is in another light than the frame
-TILE_LEVELS, TILE_SIGMA = 12, 0.35  # brightnesses that are tried for tiles, and their deviation
+TILE_LEVELS = np.arange(-18, 19) / 20  # brightnesses that are tried for tiles, log gains
 MIN_LEVEL = 0.12  # log gain of a tile
-FINER_LEVELS = np.array([-0.06, -0.03, 0.0, 0.03, 0.06])
 VELOCITY_SIGMA = 0.25  # m/s along an axis, of what the frames show
 
 
@@ -89,7 +88,7 @@ class AppearanceFilter:
         self._motion, self._moved = FrameMotion(), np.zeros(4)
         self._evidence.near(None)
         self._bank: np.ndarray | None = None
-        self._other = 0.0  # brightness, of the tiles that were in another light lately
+        self._last = np.zeros(STATES)  # before a search
         self._lost, self._residual = 0, 0.5
 
     def locate(self, estimate: Estimate) -> None:
@@ -107,7 +106,9 @@ class AppearanceFilter:
 
     @property
     def _used(self) -> np.ndarray:
-        """``(5,)``: the state, as surveyed where the evidence asks for nothing else."""
+        """``(5,)``: the state, during a search the last; as surveyed where that will do."""
+        if self._bank is not None:
+            return self._last
         needed = (GROUPS[self._factors > GATE]).any(axis=0)
         return np.where(needed & (np.abs(self.mean) >= DEADBAND), self.mean, 0)
 
@@ -121,7 +122,7 @@ class AppearanceFilter:
         self._moved = np.zeros(4) if moved is None else moved
         known = Aiding() if aiding is None else aiding
         offsets, side = self._offsets, isqrt(len(self._offsets))
-        if moved is None or side < 2 or known.velocity is not None or not self.settled:
+        if moved is None or side < 2 or known.velocity is not None:
             return aiding
         sides = side * np.array([offsets[1] - offsets[0], offsets[side] - offsets[0]])  # metres
         shape = np.array(frame.shape[1::-1])
@@ -139,13 +140,14 @@ class AppearanceFilter:
         self.covariance = covariance / np.outer(wide, wide)
         if self._bank is not None:
             self._bank[:, HEADING] += turn
+            self._last[HEADING] += turn
         self._active = np.arange(STATES)
         if yaw is not None and np.isfinite(self._survey_yaw):
             heading = np.arctan2(*(f(yaw - self._survey_yaw) for f in (np.sin, np.cos)))
             self.mean[HEADING], self._active = heading, np.delete(self._active, HEADING)
             self._factors[1] = np.inf
             if self._bank is not None:
-                self._bank[:, HEADING] = heading
+                self._bank[:, HEADING] = self._last[HEADING] = heading
         if self._bank is not None:
             self._select(frame, self._bank)
         elif self._wait:
@@ -163,26 +165,33 @@ class AppearanceFilter:
 
     def _search(self) -> None:
         """Begin anew with states of the prior, the last one and that of the survey among them."""
-        count = SEARCH_STATES
-        self._bank = bank = np.tile(self.mean, (count, 1))
+        count, self._last = SEARCH_STATES, self._used
+        self._bank = bank = np.tile(self._last, (count, 1))
         drawn = self._rng.standard_normal((count, STATES)) * PRIOR_SIGMA
-        drawn[:, 0] = PRIOR_SIGMA[0] * _strata(count, self._rng)
+        drawn[:, 0] = PRIOR_SIGMA[0] * np.linspace(-2.5, 2.5, count)
         kind = np.arange(count) % 4
         bank[kind < 3, :HEADING] = drawn[kind < 3, :HEADING]
         around = np.pi * (2 * (np.arange(count) + self._rng.uniform()) / count - 1)
-        bank[:, HEADING] = np.where(kind > 1, self._rng.permutation(around), self.mean[HEADING])
+        bank[:, HEADING] = np.where(kind > 1, self._rng.permutation(around), self._last[HEADING])
         bank[::5, HEIGHT] = drawn[::5, HEIGHT]
-        bank[0], bank[1] = self.mean, 0
-        self._scores = -SEARCH_PENALTY * (GROUPS @ (bank != self.mean).T).sum(axis=0)
+        bank[0], bank[1] = self._last, 0
+        self._scores = -SEARCH_PENALTY * (GROUPS @ (bank != self._last).T).sum(axis=0)
         self._scores[:2] = 0
+        self._back = -SEARCH_FRAMES if self._lost >= LOST_FRAMES else 0  # they fitted all the while
         self._left, self._lost = SEARCH_FRAMES, 0
 
     def _select(self, frame: np.ndarray, bank: np.ndarray) -> None:
         """Sum up the evidence of the states of a search, the best of which go on with some beside
         them; the best of all is the state meanwhile.
         """
-        evidence, residuals = self._evidence(frame, bank, self.levels)
-        self._scores += evidence
+        evidence, residuals = self._evidence(frame, np.vstack([bank, self._last]), self.levels)
+        again = float(better_half(residuals[-1]))  # a rug, say, may lie behind
+        self._back = self._back + 1 if again < MISFIT else min(self._back, 0)
+        if self._back == BACK_FRAMES:
+            self._choose(self._last)
+            self._bank, self._residual = None, again
+            return
+        self._scores += evidence[:-1]
         self._left -= 1
         best = np.argsort(-self._scores, kind="stable")[:SEARCH_KEPT]
         self._residual += RESIDUAL_GAIN * (float(residuals[best[0]].mean()) - self._residual)
@@ -240,37 +249,12 @@ class AppearanceFilter:
 
         Once most of the tiles are in another light, it is that of the frame.
         """
-        drawn = TILE_SIGMA * _strata(TILE_LEVELS, self._rng) - self.mean[0]
-        levels = np.r_[0.0, self._other - self.mean[0], -self.mean[0], self.levels, drawn]
-        penalty = np.where(levels == 0, 0, TILE_PENALTY)
-        coarse = self._likeliest(frame, levels, np.tile(penalty, (len(self.levels), 1)))
-        for spacing in (1.0, 0.5):
-            finer = (coarse[:, None] + spacing * FINER_LEVELS).ravel()
-            own = np.repeat(np.eye(len(coarse), dtype=bool), len(FINER_LEVELS), axis=1)
-            coarse = self._likeliest(frame, finer, np.where(own, 0, np.inf))
-        coarse[np.abs(coarse) < MIN_LEVEL] = 0
-        middle = float(np.median(coarse))
+        states = self.mean + np.outer(TILE_LEVELS, np.eye(STATES)[0])
+        penalties = TILE_PENALTY * (TILE_LEVELS != 0)
+        levels = TILE_LEVELS[self._evidence.best_of_tiles(frame, states, penalties)]
+        middle = float(np.median(levels))
         if abs(middle) > MIN_LEVEL:
-            self._other = float(self.mean[0])
             self.mean[0] += middle
-            coarse = coarse - middle
-            coarse[np.abs(coarse) < MIN_LEVEL] = 0
+            levels = levels - middle
             self._factors[0] = CHOSEN_FACTOR
-        elif coarse.any():
-            self._other = float(self.mean[0] + coarse[np.abs(coarse).argmax()])
-        self.levels = coarse
-
-    def _likeliest(
-        self, frame: np.ndarray, levels: np.ndarray, penalties: np.ndarray
-    ) -> np.ndarray:
-        """``(C,)``: of `levels` ``(S,)`` the one of each tile, given its ``(C, S)`` penalties."""
-        states = np.tile(self.mean, (len(levels), 1))
-        states[:, 0] += levels
-        chosen: np.ndarray = levels[self._evidence.best_of_tiles(frame, states, penalties)]
-        return chosen
-
-
-def _strata(count: int, rng: np.random.Generator) -> np.ndarray:
-    """``(count,)`` draws of a normal distribution, one from each part of equal probability."""
-    shares = (np.arange(count) + rng.uniform()) / max(count, 1)
-    return np.array([NormalDist().inv_cdf(each) for each in shares.clip(1e-3, 1 - 1e-3).tolist()])
+        self.levels = np.where(np.abs(levels) < MIN_LEVEL, 0, levels)

@@ -268,11 +268,11 @@ class FrameEvidence:
     def best_of_tiles(
         self, frame: np.ndarray, states: np.ndarray, penalties: np.ndarray
     ) -> np.ndarray:
-        """``(C,)``: which of the ``(S, 5)`` states each tile supports, given ``(C, S)`` penalties,
-        at the place that all together support.
+        """``(C,)``: which of the ``(S, 5)`` states each tile supports, given ``(S,)`` penalties, at
+        the place that all together support.
         """
-        by_tile, _, _ = self._likelihoods(frame, states, np.zeros(len(penalties)))
-        by_tile = by_tile - penalties[..., None]
+        by_tile, _, _ = self._likelihoods(frame, states, np.zeros(len(self._field.offsets)))
+        by_tile = by_tile - penalties[:, None]
         place = (by_tile.max(axis=1).sum(axis=0) + self._prior).argmax()
         best: np.ndarray = by_tile[..., place].argmax(axis=1)
         return best

@@ -36,11 +36,13 @@ LOST_FRAMES = 3  # that support no hypothesis, after which it is lost
 # Average normalized residual from which on it is lost: of whole images at their best place, of
 # tiles, which tell more, at the estimate.
 NOVELTY_THRESHOLD, TILE_NOVELTY_THRESHOLD = 2.5, 1.0
+# Of tiles, times as large where the field expects a single frame to err by fewer cells than this.
+DISTINCT_NOVELTY, DISTINCT_CELLS = 1.5, 2.0
 CONFIRMED_S = 1.0  # for which tiles must support a track until it is taken for the vehicle's
 INFLATION_RESIDUAL = 0.8  # normalized residual from which the correlated error is inflated
 TEMPERING = 4.0  # power of a normalized residual above 1 that flattens the likelihood of tiles
 RESIDUAL_TIME_S = 1.0  # time constant of the average normalized residual
-RESIDUAL_LIMIT = 10.0  # what a single frame counts for at most
+RESIDUAL_LIMIT = 4.0  # times the threshold, what a single frame counts for at most
 
 
 @dataclass(eq=False)
@@ -97,6 +99,7 @@ class TrackFilter:
         self.hypotheses.clear()
         self._unsupported = 0  # frames on end that did not support the best hypothesis
         self._supported = 0  # frames that did, since it was last in doubt
+        self._threshold = self._novelty
         self._residual = 0.5  # average of the latest frames, see `Field.normalized_residual`
         self._bias: np.ndarray | None = None  # m/s
 
@@ -152,13 +155,19 @@ class TrackFilter:
         self, observation: Observation, log_posterior: np.ndarray, before: np.ndarray
     ) -> None:
         """How well the frame fits at the estimate, and for how long frames have supported it."""
+        if not observation.familiar:
+            self._supported = 0
+            return
         best = self.hypotheses.states[0, :2]
         near = np.hypot(*(self.measurement.centers - best).T) < self.hypotheses.radius
         if self._tiles and near.any():
             log_posterior = np.where(near, log_posterior, -np.inf)
         residual = self.measurement.normalized_residual(observation, log_posterior)
-        residual = min(residual, RESIDUAL_LIMIT)
+        residual = min(residual, RESIDUAL_LIMIT * self._novelty)
         self._residual += (residual - self._residual) * self._residual_gain
+        expected = float(self.measurement.predicted_error(best[None])[0])
+        distinct = self._tiles and expected < DISTINCT_CELLS * self.measurement.cell
+        self._threshold = self._novelty * (DISTINCT_NOVELTY if distinct else 1.0)
         jumped = (np.hypot(*(best - before).T) > 2 * self.hypotheses.radius).all()
         self._supported = 0 if jumped or self._doubtful() else self._supported + 1
 
@@ -169,7 +178,7 @@ class TrackFilter:
         return bool(
             weights[elsewhere].sum() > LOST_PROBABILITY
             or self._unsupported >= LOST_FRAMES
-            or self._residual > self._novelty
+            or self._residual > self._threshold
         )
 
     def _gated(self, measured: np.ndarray, sigma: float) -> np.ndarray | None:

@@ -82,6 +82,7 @@ class FloorTracker:
         self._missed = _PATIENCE  # frames since the floor was last seen where it should be
         self._gone = 0  # frames that did not come since the last that did
         self._last: FloorFix | None = None
+        self._found = False  # whether the pose of the last is one that was, moved on
 
     def step(
         self,
@@ -152,9 +153,11 @@ class FloorTracker:
             return np.stack([cosine * right - sine * up, -sine * right - cosine * up], axis=-1)
 
         shift = turned(self.belief.headings)
-        last = None if self._pose is None else turned(self._pose[5])
+        last = None if self._last is None else turned(self._last.pose[5])
         shift, sigma = self._view.predicted(shift, last, seen.sure, seen.prior.steps)
         self.belief.move(shift, sigma)
+        if self._pose is None and last is not None:
+            shift = last[None] * (seen.sure >= _CERTAIN)
         return np.asarray(shift[0])
 
     def _weigh(self, seen: Seen, window: Window | None = None) -> None:
@@ -226,21 +229,23 @@ class FloorTracker:
         return FloorFix(best.pose, covariance, best.score, lost, True, sigma), best
 
     def _coast(self, fix: FloorFix, moved: Array, seen: Seen) -> FloorFix:
-        """The floor was not recognized, `fix` is lost: move the last pose on for a while."""
+        """The floor was not recognized, `fix` is lost: move the last pose on, soon lost."""
         self._missed = min(self._missed + 1, _PATIENCE)
-        if self._pose is None or self._missed == _PATIENCE or self._last is None:
+        cell, last = self.coarse.ground.cell, self._last
+        metres = moved * (1, -1) * cell
+        if self._pose is None or self._missed == _PATIENCE or last is None:
             if self._pose is not None and not seen.prior.turned:
                 self.belief.reset(ALL_HEADINGS)
             self._pose = self._view.velocity = None
+            if last is not None and self._found:
+                fix = replace(fix, pose=np.concatenate([last.pose[:2] + metres, last.pose[2:]]))
             self._last = fix
             return fix
-        cell = self.coarse.ground.cell
-        metres = moved * (1, -1) * cell
         self._pose = np.concatenate([self._pose[:2] + metres, self._pose[2:]])
         self._view.aimed = self._view.aimed + metres
-        wider = self._last.covariance + (_DRIFT * seen.prior.steps * cell) ** 2 * np.eye(2)
-        unsure = self._last.lost or seen.sure < _CERTAIN
-        self._last = replace(fix, pose=self._pose, covariance=wider, lost=unsure)
+        wider = last.covariance + (_DRIFT * seen.prior.steps * cell) ** 2 * np.eye(2)
+        fix = replace(fix, pose=self._pose, covariance=wider)
+        self._last = replace(fix, lost=last.lost or seen.sure < _CERTAIN)
         return self._last
 
     def _remember(self, fix: FloorFix) -> None:
@@ -249,6 +254,7 @@ class FloorTracker:
         if last is not None and self._missed == 0:
             self._view.learn(self._gone + 1)
         self._pose, self._missed = fix.pose, 0
+        self._found = self._found or not fix.lost
 
     def _without_frame(self) -> FloorFix:
         """On as before, less and less surely; the belief waits for the next frame."""
