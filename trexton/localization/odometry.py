@@ -114,7 +114,10 @@ class RunningVisual:
     def aid(self, frame: np.ndarray, aiding: Aiding | None, time: float | None) -> Aiding | None:
         """What is known beside the frame, with its velocity if it shows one."""
         given = Aiding() if aiding is None else aiding
-        now = self._now(time)
+        now = time
+        if now is None:
+            steps = (1 + self._missed) * self._period_s
+            now = self._time + steps if np.isfinite(self._time) else 0.0
         if not 0 < now - self._time <= MAX_INTERVAL_S:
             self._odometry.reset()
         self._time, self._missed = now, 0
@@ -124,11 +127,6 @@ class RunningVisual:
         with_attitude, without = self._part.sigma.tolist()
         sigma = without if given.roll is None or given.pitch is None else with_attitude
         return replace(given, velocity=motion[0], velocity_time=now, velocity_sigma=sigma)
-
-    def _now(self, time: float | None) -> float:
-        if time is not None:
-            return time
-        return self._time + (1 + self._missed) * self._period_s if np.isfinite(self._time) else 0.0
 
     def _shift(
         self, frame: np.ndarray, given: Aiding, now: float
