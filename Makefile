@@ -63,6 +63,7 @@ coverage: env  ## branch coverage by module, 95 % at least, with the lines and b
 	  tests/localization/test_neighbors.py tests/vision/test_textons.py
 	@$(BIN)/coverage report --fail-under=95
 
+# TREXTON_PACED_S=3600 adds an hour at its own pace, TREXTON_ROS_PYTHON=ENV/bin/python the node with the real rclpy.
 test-slow: env  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow $(ARGS)
 
