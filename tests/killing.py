@@ -81,6 +81,12 @@ CASES = {
          "--set", "particles=10", "repeats=2"),
         (("neighbors=2",), ("neighbors=3",)),
     ),
+    # It writes nothing: whatever is there must stay as it was.
+    "tune": Case(
+        ("tune", "long", "--trials", "3", "--methods", "paper"),
+        (("--seed", "1"), ("--seed", "2")),
+        "",
+    ),
     "report": Case(
         ("report", "plain", "--no-book", "--out", "out"),
         (("--methods", "paper"), ("--methods", "paper field")),
@@ -99,6 +105,7 @@ def prepare(folder: Path) -> None:
     write_flight(replace(seen, split={"train": (100, 109), "test": (110, 115)}), folder / "room")
     plain = histogram_flight("plain", 60)
     write_flight(replace(plain, split={"train": (0, 39), "test": (40, 59)}), folder / "plain")
+    write_flight(histogram_flight("long", 120), folder / "long")
     rows = "".join(f"{i},{i},{i % 3},pictures/{100 + i:04d}.png\n" for i in range(2))
     for i in range(2):
         cv2.imwrite(str(folder / "pictures" / f"{100 + i:04d}.png"), np.full((24, 32, 3), 50 * i))
@@ -206,7 +213,7 @@ class Grave:
             time.sleep(0.002)
         else:
             said = self.log.read_text(errors="replace").strip().splitlines()
-            if said and said[-1].startswith("trexton "):
+            if said and said[-1].startswith(f"trexton {words[0]}:"):
                 self.fault(f"did not finish: {said[-1]}")
         return time.monotonic() - started
 
