@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_room import observations, random_walk, rank_mixture
 
+from trexton.companion.experiments.floors import mean_over_floors
 from trexton.companion.experiments.rates import wilson_interval
 from trexton.companion.experiments.sweeps import TreeSearch
 from trexton.evaluation.metrics import block_rows, bootstrap_interval, summarize
@@ -167,6 +168,25 @@ def test_intervals_of_clustered_rates_hold_what_they_say(floors, alike, rate, le
 
     assert held(wilson_interval(good, [20] * floors) for good in counts) >= least
     assert held(wilson_interval(int(good.sum()), 20 * floors) for good in counts) <= plain
+
+
+@pytest.mark.parametrize(
+    ("floors", "shape", "least"), [(10, 1000, 0.94), (4, 1000, 0.94), (10, 2, 0.91), (4, 2, 0.9)]
+)
+def test_intervals_over_floors_hold_what_they_say(floors, shape, least):
+    """Of flights over so many floors, whose own mean errors are gamma-distributed: nearly normal,
+    or most small and few large. Errors last within a flight, so frames are no units.
+    """
+    rng, trials, true = np.random.default_rng(7), 3000, 10.0
+    own = rng.gamma(shape, true / shape, (trials, floors, 1))
+    lasting = np.repeat(3 * rng.standard_normal((trials, floors, 25)), 8, axis=2)
+    flights = own + lasting
+    found = [mean_over_floors(rows, rng, -np.inf) for rows in flights]
+    held = np.mean([each["low"] <= true <= each["high"] for each in found])
+    assert least <= held <= 0.965
+    # As if frames were units.
+    reach = 1.96 * flights.std(axis=(1, 2)) / np.sqrt(floors * 200)
+    assert (np.abs(flights.mean(axis=(1, 2)) - true) < reach).mean() < 0.6
 
 
 @few
