@@ -298,8 +298,8 @@ def test_states_that_bounds_leave_out_could_not_have_won(rng, width, informed, c
         scores = -informed * np.square(states - width * 7.1).sum(axis=1)
         density = motion.density(states, previous, weights)
         assert motion.likeliest(scores, states, previous, weights) == np.argmax(scores + density)
-        bounds = motion._upper_bounds(states, previous, weights)
-        assert bounds is None or (bounds >= density).all()
+        for bounds in (motion._binned, motion._single):
+            assert (bounds(states, previous, weights) >= density).all()
 
 
 def test_weights_sum_to_one_and_the_mean_likelihood_is_that_of_the_particles():

@@ -194,10 +194,9 @@ class Options:
         """What is declared, in the order of the class."""
         if not is_dataclass(cls):
             return
-        hints = get_type_hints(cls)
-        for each in fields(cls):
-            if not each.init:
-                continue
+        own = [each for each in fields(cls) if each.init]
+        hints = get_type_hints(cls) if own else {}
+        for each in own:
             kinds = get_args(hints[each.name]) or (hints[each.name],)
             yield Option(each.name, kinds, each.default, **each.metadata)
 

@@ -16,7 +16,6 @@ from trexton.localization.training_set import Training
 HELD = 0.98  # mean resultant length of the yaw of a survey that held its heading
 
 
-@dataclass(eq=False)
 class Appearance(Part):
     """Base of all that take the appearance of the floor out of a frame."""
 
@@ -25,7 +24,6 @@ class Appearance(Part):
         return None
 
 
-@dataclass(eq=False)
 class AsSurveyed(Appearance):
     """Frames are taken as they are, as in the paper."""
 

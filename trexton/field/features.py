@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trexton.flights.flight import SUM_TOLERANCE
+from trexton.vision.histograms import SUM_TOLERANCE
 
 MAX_FEATURES = 400  # more are taken along their principal axes
 MAX_COMPONENTS = 125  # principal axes that are kept

@@ -18,12 +18,12 @@ from trexton.base.files import digest
 from trexton.flights.aiding import Aiding
 from trexton.flights.frames import ImageFiles
 from trexton.vision.camera import Camera, MapImage, Rectification
+from trexton.vision.histograms import SUM_TOLERANCE
 from trexton.vision.images import read_picture
 
 Area = tuple[float, float, float, float]
 
 NARROW = 1e-3  # metres: a side that is no area
-SUM_TOLERANCE = 0.01  # by which relative frequencies may miss a sum of 1
 _COLUMNS = {"position": "2", "attitude": "3", "histograms": "K"}
 _PER_FRAME = ("frame", "time", "position", "height", "attitude", "histograms")
 

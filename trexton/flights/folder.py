@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError
-from trexton.flights.flight import SUM_TOLERANCE, Flight, area_around
+from trexton.flights.flight import Flight, area_around
 from trexton.flights.frames import ImageFiles
 from trexton.flights.header import FARTHEST, read_header
 from trexton.flights.tables import TextTable, read_table
 from trexton.vision.camera import Camera, Rectification
+from trexton.vision.histograms import SUM_TOLERANCE
 
 _REQUIRED = ("frame", "t_s", "x_m", "y_m")
 ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")

@@ -49,7 +49,6 @@ class RunningFilter(Protocol):
         """What is known after the latest step."""
 
 
-@dataclass(eq=False)
 class Filter(Part):
     """Base of all filters: a part that opens a `RunningFilter` for each localizer.
 
@@ -171,7 +170,7 @@ class ParticleFilter:
             self._start_again(lost=True)
             return
         weights = np.exp(log_likelihood - peak)
-        total = weights.sum()
+        total = np.add.reduce(weights)
         log_mean = float(peak + np.log(total / self.size))
         lost = self.recovery.update(log_mean)
         self.belief = Belief(states, weights / total, log_likelihood, log_mean, lost)

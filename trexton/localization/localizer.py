@@ -15,14 +15,13 @@ from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.base.options import whole
 from trexton.base.streams import generator
 from trexton.flights.aiding import Aiding
-from trexton.flights.flight import SUM_TOLERANCE
 from trexton.localization.estimate import Estimate
 from trexton.localization.filters import RunningFilter
 from trexton.localization.neighbors import NearestHistograms, Neighbors
 from trexton.localization.observation import Observation
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import for_method, with_choices
-from trexton.vision.histograms import sampled_histogram, texton_histogram
+from trexton.vision.histograms import SUM_TOLERANCE, sampled_histogram, texton_histogram
 from trexton.vision.images import MOST_SAMPLES, check_image
 
 __all__ = ["Estimate", "Localizer", "TextonMap"]

@@ -14,11 +14,9 @@ import numpy as np
 
 from trexton.base.arrays import DAMAGE, read_arrays
 from trexton.base.errors import DataError, MapError, ParameterError
-from trexton.base.files import atomic_file, canonical_json
 from trexton.localization.base import Part
 from trexton.localization.methods import fitting, name_of, part_class
 from trexton.localization.texton_map import TextonMap
-from trexton.vision.camera import Rectification
 from trexton.vision.textons import TextonDictionary
 
 SCHEMA = 2
@@ -26,6 +24,8 @@ SCHEMA = 2
 
 def save_map(texton_map: TextonMap, path: str | os.PathLike[str]) -> Path:
     """Write a map as ``.npz``, whole or not at all."""
+    from trexton.base.files import atomic_file  # as a flight only reads
+
     content = io.BytesIO()  # a ZipFile on a full disk complains once more when it is dropped
     np.savez(content, **to_arrays(texton_map))  # type: ignore[arg-type]
     with atomic_file(path, "wb") as stream:
@@ -55,6 +55,8 @@ def load_map(path: str | os.PathLike[str]) -> TextonMap:
 
 def to_arrays(texton_map: TextonMap) -> dict[str, np.ndarray]:
     """A map as named arrays, the form in which it is stored."""
+    from trexton.base.files import canonical_json
+
     header = {
         "method": texton_map.method,
         "parts": {
@@ -103,6 +105,10 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
             f"the map has a part for {' and '.join(sorted(gone))}, as method guarded or "
             "view=nadir had: these are gone, train it again with trexton train --method field"
         )
+    if (rectified := header.get("rectification")) is not None:
+        from trexton.vision.camera import Rectification
+
+        rectified = Rectification.from_table(rectified)
     whole = TextonMap(
         TextonDictionary(arrays["textons"]) if "textons" in arrays else None,
         arrays["histograms"],
@@ -115,7 +121,7 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
         # Maps of earlier versions hold parts that nothing reads.
         fitting({role: _part(role, entry, arrays) for role, entry in header["parts"].items()}),
         header["provenance"],
-        Rectification.from_table(header["rectification"]) if "rectification" in header else None,
+        rectified,
     )
     check_map(whole)
     return whole

@@ -20,7 +20,6 @@ from trexton.localization.training_set import EXCLUDED_SECONDS, Training
 _FLOOR_VARIANCE = 1e-4  # square metres: keeps a covariance of identical deviations invertible
 
 
-@dataclass(eq=False)
 class MeasurementModel(Part):
     """Base of all measurement models; those that look at no neighbours need no distance."""
 

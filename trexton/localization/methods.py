@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from trexton.base.arguments import assignments
 from trexton.base.errors import ParameterError
 from trexton.base.plugins import addresses, resolve
 from trexton.localization.base import Part
@@ -196,6 +195,8 @@ def _check_needs(role: str, parts: Mapping[str, Part]) -> None:
 
 def parse_choices(words: Iterable[str]) -> dict[str, str]:
     """Choices from words of a command line; `ParameterError` for one that names no role."""
+    from trexton.base.arguments import assignments  # a command line's, which no map needs
+
     choices = assignments(words, "role=part or role.option=value")
     for key in choices:
         check_known(key.partition(".")[0])

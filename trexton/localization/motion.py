@@ -20,13 +20,15 @@ _PAIRS = 2**16
 _MINUS_HALF = np.array([-0.5, -0.5])
 # Particles count as at most this log density apart: denormal numbers take ten times as long.
 _MIN_EXPONENT = -500.0
-_SQUARE = 0.4  # side of the squares on which bounds are found, in deviations of the process
-_MOST_SQUARES = 400  # a side
-_WORTH_BOUNDS = 1500**2  # pairs of particles from which bounds of their densities save time
-_CANDIDATES = 64  # particles of the highest bounds: what they reach the others must be able to
+_SMALL = 1e-30  # of weights: smaller ones are soon denormal in single precision
+# Of squares on which bounds are found: the least side, in deviations of the process, and how many
+# make up a side of all, times the root of the particles.
+_SQUARE, _SQUARES = 0.1, 2.5
+# Pairs of particles from which bounds of their densities save time.
+_WORTH_BINNED, _WORTH_SINGLE = 700**2, 300**2
+_CANDIDATES = 4  # particles of the highest bounds: what they reach the others must be able to
 
 
-@dataclass(eq=False)
 class MotionModel(Part):
     """Base of all motion models; states are ``(M, D)`` arrays."""
 
@@ -131,61 +133,60 @@ class RandomWalk(MotionModel):
         self, scores: np.ndarray, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
     ) -> int:
         """See `MotionModel.likeliest`; of many states those are left out that a bound rules out."""
+        if len(states) * len(previous) < _WORTH_SINGLE:
+            return super().likeliest(scores, states, previous, weights)
         rows = np.arange(len(states))
-        bounds = None
-        if len(states) * len(previous) >= _WORTH_BOUNDS and len(states) > _CANDIDATES:
-            bounds = self._upper_bounds(states, previous, weights)
-        if bounds is not None:
-            bounds += scores
-            highest = np.argpartition(bounds, -_CANDIDATES)[-_CANDIDATES:]
-            reached = scores[highest] + self.density(states[highest], previous, weights)
-            rows = np.flatnonzero(bounds >= reached.max())
+        for worth, bounds in ((_WORTH_BINNED, self._binned), (_WORTH_SINGLE, self._single)):
+            if len(rows) * len(previous) < worth or len(rows) <= _CANDIDATES:
+                continue
+            highest = scores[rows] + bounds(states[rows], previous, weights)
+            best = rows[np.argpartition(highest, -_CANDIDATES)[-_CANDIDATES:]]
+            reached = scores[best] + self.density(states[best], previous, weights)
+            rows = rows[highest >= reached.max()]
         return int(rows[super().likeliest(scores[rows], states[rows], previous, weights)])
 
-    def _upper_bounds(
-        self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
-    ) -> np.ndarray | None:
-        """``(M,)`` upper bounds of `density`; None where particles are too far apart for them.
+    def _binned(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """``(M,)`` upper bounds of `density` of particles that are put on squares.
 
-        Particles are put on squares. A density is at most what it were if all of each square stood
-        as near as squares allow, which is a sum along x of sums along y.
+        A density is at most what it were if all of each square stood as near as squares allow,
+        which is a sum along x of sums along y.
         """
-        places = np.concatenate((states, previous)) @ (self._whiten.T / _SQUARE)
-        squares = np.floor(places - places.min(axis=0)).astype(np.int64)
+        places = np.concatenate((states, previous)) @ self._whiten.T
+        places -= places.min(axis=0)
+        side = max(_SQUARE, places.max() / (_SQUARES * np.sqrt(len(states))))
+        squares = (places / side).astype(np.int64)
         shape = squares.max(axis=0) + 1
-        if not (shape <= _MOST_SQUARES).all():
-            return None
         numbers = squares[:, 0] * shape[1] + squares[:, 1]
         masses = np.bincount(numbers[len(states) :], weights, int(shape.prod())).reshape(shape)
         for axis, count in enumerate(shape):
             apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
-            nearest = np.exp(-0.5 * (_SQUARE * np.maximum(np.arange(count) - 1, 0)) ** 2)[apart]
+            nearest = np.exp(-0.5 * (side * np.maximum(np.arange(count) - 1, 0)) ** 2)[apart]
             masses = nearest @ masses if axis == 0 else masses @ nearest
         bounds = np.log(masses + np.exp(_MIN_EXPONENT)).ravel()[numbers[: len(states)]]
         return bounds + 1e-9  # sums are rounded
+
+    def _single(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """``(M,)`` upper bounds of `density`: sums in single precision, and all they may lack."""
+        (left, right), half = self._features(states, previous)
+        shares = weights * (weights >= _SMALL)
+        left, right, shares = (each.astype(np.float32) for each in (left, right, shares))
+        sums = _summed(left, right, shares, None) + len(previous) * _SMALL
+        return np.log(sums, dtype=float) + 2.0**-22 * (8 * half + len(previous) + 16)
 
 
 def _summed(
     left: np.ndarray, right: np.ndarray, weights: np.ndarray, least: float | None
 ) -> np.ndarray:
     """``(M,)`` exp(left right) weights, exponents raised to `least`, a block of pairs at a time."""
-
-    def work_on(block: np.ndarray, pairs: np.ndarray | None, sums: np.ndarray | None) -> np.ndarray:
-        pairs = block.dot(right, pairs)
-        if least is not None:
-            np.maximum(pairs, least, out=pairs)
-        np.exp(pairs, out=pairs)
-        return pairs.dot(weights, sums)
-
-    count, others = len(left), len(weights)
-    if count * others <= _PAIRS:
-        return work_on(left, None, None)
-    sums = np.empty(count, left.dtype)
-    rows = max(1, _PAIRS // others)
-    buffer = np.empty((rows, others), left.dtype)
-    for first in range(0, count, rows):
-        block = left[first : first + rows]
-        work_on(block, buffer[: len(block)], sums[first : first + len(block)])
+    rows = max(1, _PAIRS // len(weights))
+    if len(left) > rows:
+        blocks = np.split(left, range(rows, len(left), rows))
+        return np.concatenate([_summed(block, right, weights, least) for block in blocks])
+    pairs = left.dot(right)
+    if least is not None:
+        np.maximum(pairs, least, out=pairs)
+    np.exp(pairs, out=pairs)
+    sums: np.ndarray = pairs.dot(weights)
     return sums
 
 

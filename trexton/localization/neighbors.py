@@ -18,7 +18,6 @@ from trexton.localization.base import Part
 _ROUNDING = 1e-12  # more than a sum of 256 products can be off
 
 
-@dataclass(eq=False)
 class Distance(Part):
     """Base of all distances between histograms: override `features`, or else `between`."""
 
@@ -40,12 +39,10 @@ class Distance(Part):
         return np.sqrt(np.square(offset).sum(axis=-1))
 
 
-@dataclass(eq=False)
 class Euclidean(Distance):
     """Between the relative frequencies themselves (paper, Methods, "k-Nearest Neighbors")."""
 
 
-@dataclass(eq=False)
 class Hellinger(Distance):
     """Between square roots of the frequencies: counting noise becomes alike in all textons.
 
@@ -56,7 +53,6 @@ class Hellinger(Distance):
         return np.copysign(np.sqrt(np.abs(histograms) / 2), histograms)
 
 
-@dataclass(eq=False)
 class ChiSquare(Distance):
     """Half the sum of (a - b)^2 / (a + b) (Varma & Zisserman, "A statistical approach to texture
     classification from single images", IJCV 62, 2005).
@@ -67,9 +63,8 @@ class ChiSquare(Distance):
     def between(self, queries: np.ndarray, rows: np.ndarray) -> np.ndarray:
         offset = np.square(queries[:, None] - rows)
         total = np.abs(queries)[:, None] + np.abs(rows)
-        return 0.5 * np.divide(offset, total, out=np.zeros_like(offset), where=total > 0).sum(
-            axis=-1
-        )
+        shares = np.divide(offset, total, out=np.zeros_like(offset), where=total > 0)
+        return 0.5 * shares.sum(axis=-1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -32,7 +32,6 @@ STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies
 FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
 
 
-@dataclass(eq=False)
 class Odometry(Part):
     """Base of all that make a velocity of frames."""
 

@@ -17,7 +17,6 @@ from trexton.localization.base import Area, Part
 from trexton.localization.motion import MotionModel
 
 
-@dataclass(eq=False)
 class Resampling(Part):
     """Base of all resamplers."""
 
@@ -26,7 +25,6 @@ class Resampling(Part):
         raise NotImplementedError
 
 
-@dataclass(eq=False)
 class Wheel(Resampling):
     """The resampling wheel the paper cites.
 
@@ -48,7 +46,6 @@ class Wheel(Resampling):
         return np.minimum(drawn, count - 1, out=drawn)
 
 
-@dataclass(eq=False)
 class Systematic(Resampling):
     """One random offset and equal steps: counts differ from M w by less than one."""
 
@@ -89,7 +86,6 @@ class Belief:
         return self.log_mean_likelihood == self.log_mean_likelihood
 
 
-@dataclass(eq=False)
 class Estimation(Part):
     """Base of all point estimates."""
 
@@ -98,7 +94,6 @@ class Estimation(Part):
         raise NotImplementedError
 
 
-@dataclass(eq=False)
 class MaximumAPosteriori(Estimation):
     """argmax of p(z_t | x_i) sum_j p(x_i | x_j at t-1) w_j at t-1 (Driessen & Boers 2008)."""
 
@@ -112,7 +107,6 @@ class MaximumAPosteriori(Estimation):
         return _place(belief, motion, row)
 
 
-@dataclass(eq=False)
 class WeightedMean(Estimation):
     """Weighted mean of the particles."""
 
@@ -120,7 +114,6 @@ class WeightedMean(Estimation):
         return belief.weights @ motion.position(belief.states)
 
 
-@dataclass(eq=False)
 class HighestWeight(Estimation):
     """The particle of highest weight, the first where several share it."""
 
@@ -132,7 +125,6 @@ def _place(belief: Belief, motion: MotionModel, row: int) -> np.ndarray:
     return motion.position(belief.states[row : row + 1])[0]
 
 
-@dataclass(eq=False)
 class Recovery(Part):
     """Base of all recoveries: watches how well measurements fit, and replaces particles."""
 
@@ -149,7 +141,6 @@ class Recovery(Part):
         """Replace some of the states in place."""
 
 
-@dataclass(eq=False)
 class NoRecovery(Recovery):
     """The paper's: none."""
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,10 @@ from trexton.base.defaults import NEIGHBORS
 from trexton.base.errors import MapError
 from trexton.localization.base import Area
 from trexton.localization.neighbors import Distance, Hellinger
-from trexton.vision.camera import Rectification
 from trexton.vision.textons import TextonDictionary
+
+if TYPE_CHECKING:
+    from trexton.vision.camera import Rectification
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from trexton.base.errors import MapError, ParameterError
 from trexton.base.options import whole
 from trexton.base.progress import progress, say
 from trexton.base.streams import generator
-from trexton.flights.flight import Flight
 from trexton.localization.base import Part
 from trexton.localization.methods import changed, compose, fitting
 from trexton.localization.texton_map import TextonMap
@@ -25,6 +24,9 @@ from trexton.localization.training_set import Training
 from trexton.vision.histograms import texton_counts
 from trexton.vision.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
 from trexton.vision.threads import ahead
+
+if TYPE_CHECKING:
+    from trexton.flights.flight import Flight
 
 KEPT_FROM = 250  # frames; shorter flights are counted in a second or two
 _PARTS = 2  # a side: images are counted in quarters, whose sum serves methods that take the whole

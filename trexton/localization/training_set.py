@@ -5,13 +5,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trexton.flights.flight import Flight
 from trexton.localization.base import Area
 from trexton.localization.neighbors import Distance, NearestHistograms, neighbors_in_flight
 from trexton.vision.textons import TextonDictionary
+
+if TYPE_CHECKING:
+    from trexton.flights.flight import Flight
 
 # Frames closer in time than this see nearly the same floor: as neighbours they would flatter the
 # map. With half a second the k-NN errs on the training flight about as much as on a fresh flight of

@@ -20,6 +20,8 @@ from trexton.vision.images import check_image, gather_patches, position_grid, sa
 from trexton.vision.textons import TextonDictionary
 from trexton.vision.threads import in_strips
 
+SUM_TOLERANCE = 0.01  # by which relative frequencies may miss a sum of 1
+
 
 def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, cells: int = 1) -> np.ndarray:
     """Relative frequency of each texton over every position (301 625 at 640x480): full sampling.

@@ -18,7 +18,6 @@ import cv2
 import numpy as np
 
 from trexton.base.errors import ImageError
-from trexton.base.files import read_bytes
 from trexton.base.options import whole
 from trexton.base.pictures import MOST_BYTES, MOST_PIXELS, declared_size, decode
 from trexton.base.streams import generator
@@ -64,6 +63,8 @@ def checked_bytes(path: Path) -> bytes:
     ImageError
         The file is missing, no regular file, or declares more than `MOST_PIXELS`.
     """
+    from trexton.base.files import read_bytes
+
     data = read_bytes(path, MOST_BYTES, "an image", ImageError)
     _check_size(path, declared_size(data) or (0, 0))
     return data
