@@ -40,6 +40,13 @@ def colourful_floor() -> Floor:
     return Floor(MapImage.from_extent(picture, AREA[0], AREA[3], 100.0))
 
 
+@lru_cache
+def narrow_floor() -> Floor:
+    """The same picture, 2.4 m wide: a short flight shows all of it."""
+    image = colourful_floor().picture.image
+    return Floor(MapImage.from_extent(image, 0.0, 2.4, len(image) / 2.4))
+
+
 def colourful_flight(folder: Path, frames: int = 60) -> Flight:
     """A survey of that floor, with attitude and height."""
     return record_flight(folder, frames=frames, every=5, camera=CAMERA, floor=colourful_floor())

@@ -83,17 +83,17 @@ def test_commands_replace_a_persons_folder_only_when_told_to(words, tmp_path, ca
     assert (out / "flight.toml").exists() and not (out / "thesis.txt").exists()
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["simulate", "--frames", "4"],
-        ["data", "fetch", "cyberzoo"],
-        ["train", "FLIGHT", "--set", "measurement.neighbors=2"],
-        ["export", "FLIGHT", "tum"],
-        ["import", "csv", "FLIGHT/t.csv"],
-    ],
+WRITING = (
+    "simulate --frames 4 --floor FLIGHT/0.bmp --out",
+    "data fetch cyberzoo --out",
+    "train FLIGHT --set measurement.neighbors=2 -o",
+    "export FLIGHT tum --out",
+    "import csv FLIGHT/t.csv --out",
 )
-def test_a_full_disk_is_one_sentence_and_the_old_stays(words, tmp_path, shared_data):
+
+
+def test_a_full_disk_is_one_sentence_and_the_old_stays(tmp_path, shared_data):
+    """One command after the other in one process, on which no file may grow beyond 4 kB."""
     flight = write_flight(small_flight(200), tmp_path / "flight")
     rows = "".join(f"{i},{i},0,{i}.bmp\n" for i in range(3))
     (flight / "t.csv").write_text("t,x,y,image\n" + rows)
@@ -101,22 +101,27 @@ def test_a_full_disk_is_one_sentence_and_the_old_stays(words, tmp_path, shared_d
         noise = np.random.default_rng(i).integers(0, 256, (90, 90, 3), np.uint8)
         (flight / f"{i}.bmp").write_bytes(cv2.imencode(".bmp", noise)[1].tobytes())
     before = sorted(path.name for path in tmp_path.iterdir())
-    out = ["-o" if words[0] == "train" else "--out", str(tmp_path / "out")]
-    words = [word.replace("FLIGHT", str(flight)) for word in words]
     code = (
-        "import resource, sys\nresource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))\n"
-        "from trexton.cli.main import main\nsys.exit(main(sys.argv[1:]))"
+        "import os, resource, sys\nresource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))\n"
+        "from trexton.cli.main import main\n"
+        "for words in sys.argv[2:]:\n"
+        "    print(main(words.split()), *sorted(os.listdir(sys.argv[1])))\n"
+        "    print('END', file=sys.stderr)"
     )
-    command = [sys.executable, "-c", code, *words, *out]
+    commands = [f"{words} {tmp_path}/out".replace("FLIGHT", str(flight)) for words in WRITING]
+    command = [sys.executable, "-c", code, str(tmp_path), *commands]
     # Not measured: what coverage writes at the end would be too large as well.
     unmeasured = {name: text for name, text in os.environ.items() if "COVERAGE" not in name}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=unmeasured)
-    assert done.returncode == 1, done.stderr
-    last = done.stderr.splitlines()[-1]
-    assert last.startswith(f"trexton {words[0]}: {tmp_path / 'out'}: "), done.stderr
+    assert done.returncode == 0, done.stderr
+    *said, end = done.stderr.split("END\n")
+    assert not end
+    for words, text, after in zip(WRITING, said, done.stdout.splitlines(), strict=True):
+        status, *left = after.split()
+        assert status == "1" and [name for name in left if name != ".out.importing"] == before
+        last = text.splitlines()[-1]
+        assert last.startswith(f"trexton {words.split()[0]}: {tmp_path / 'out'}: "), done.stderr
     assert "Traceback" not in done.stderr and "please report" not in done.stderr
-    left = sorted(path.name for path in tmp_path.iterdir() if path.name != ".out.importing")
-    assert left == before
 
 
 @pytest.mark.parametrize(
@@ -140,17 +145,18 @@ def test_no_command_writes_over_what_it_reads(words, tmp_path, monkeypatch, caps
     ("words", "told"),
     [
         ("train room -o taken", "taken: is a folder"),
-        ("suitability moved:3 --out file/maps", "file is no folder"),
+        ("suitability floor.png --width 1 --out file/maps", "file is no folder"),
     ],
 )
 def test_what_cannot_be_written_is_said_before_the_work(words, told, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").mkdir()
     (tmp_path / "file").touch()
+    cv2.imwrite("floor.png", np.zeros((60, 60, 3), np.uint8))
     assert main([*words.split(), "-q"]) == 1
     said = capsys.readouterr()
     assert told in said.err and not said.out
-    assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "taken"]
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "floor.png", "taken"]
 
 
 def test_what_a_killed_run_left_goes_with_the_next(tmp_path):

@@ -189,15 +189,9 @@ def test_the_wheel_draws_what_walking_it_draws(seed):
 @pytest.mark.parametrize("name", RESAMPLERS)
 def test_counts_follow_the_weights(name):
     weights = np.random.default_rng(3).dirichlet(np.ones(40))
-    trials = 4000
+    resampler, rng, trials = make("resampling", name), np.random.default_rng(4), 4000
     counts = np.stack(
-        [
-            np.bincount(
-                make("resampling", name).indices(weights, np.random.default_rng([4, trial])),
-                minlength=40,
-            )
-            for trial in range(trials)
-        ]
+        [np.bincount(resampler.indices(weights, rng), minlength=40) for _ in range(trials)]
     )
     # The wheel starts at the edge of a particle, not anywhere on it: a bias of a few hundredths of
     # a draw.

@@ -48,13 +48,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise ParameterError(
             "--floor-width is given without --floor: it is the width of a floor picture"
         )
+    strengths = Effects.checked(assignments(arguments.settings, "effect=value"), "a camera")
     if options.floor is None:
         floor = Floor.painted(options.layout, options.floor_seed)
     else:
         check_not_read(arguments.out, options.floor)
         width = 5.0 if options.floor_width is None else options.floor_width
         floor = Floor.from_file(options.floor, width)
-    strengths = Effects.checked(assignments(arguments.settings, "effect=value"), "a camera")
     flight = record_flight(
         arguments.out, pattern=options.pattern, frames=options.frames, seed=options.seed,
         floor=floor, effects=replace(Effects(), **strengths), height=options.height,

@@ -5,7 +5,7 @@ asserted.
 from __future__ import annotations
 
 import json
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -29,6 +29,12 @@ from trexton.vision.threads import thread_count
 def scene(tmp_path_factory):
     """Of a short flight."""
     return Scene(tmp_path_factory.mktemp("bench"), frames=40)
+
+
+@pytest.fixture(scope="module")
+def contests(scene):
+    """Those of a stage, whose maps and pictures are learned once."""
+    return cache(lambda stage: list(STAGES[stage](scene)))
 
 
 @pytest.fixture
@@ -146,15 +152,15 @@ STAGE_ROWS = {
 
 
 @pytest.mark.parametrize("stage", STAGE_ROWS)
-def test_a_stage_is_beside_its_yardsticks(stage, scene, hurried, monkeypatch):
+def test_a_stage_is_beside_its_yardsticks(stage, contests, hurried, monkeypatch):
     monkeypatch.setattr(bench, "_PARTICLES", bench._PARTICLES[:2])  # the third takes seconds
-    rows = [contest.row(quick=True) for contest in STAGES[stage](scene)]
+    rows = [contest.row(quick=True) for contest in contests(stage)]
     assert [each["yardstick"] for each in rows] == STAGE_ROWS[stage]
     assert all(each["ours_s"] > 0 and each["yardstick_s"] > 0 for each in rows)
 
 
-def test_homographies_are_of_the_floor_that_is_flown_over(scene):
-    *_, whole, half = STAGES["frame"](scene)
+def test_homographies_are_of_the_floor_that_is_flown_over(contests):
+    *_, whole, half = contests("frame")
     for contest in (whole, half):
         assert np.isfinite(contest.ours()).all()
 

@@ -147,18 +147,24 @@ def test_the_part_of_the_floor_where_it_fails_is_named(record):
     assert "x = 43.3 cm and 130 cm, y = 43.3 cm and 130 cm" in said
 
 
-def test_the_report_plays_the_flight_where_there_is_a_player(record, tmp_path):
+@pytest.fixture(scope="module")
+def report(record, tmp_path_factory):
+    """The text of its page."""
+    return write_report(record, tmp_path_factory.mktemp("report") / "report.html").read_text()
+
+
+def test_the_report_plays_the_flight_where_there_is_a_player(record, report, tmp_path):
     page = write_report(record, tmp_path / "report.html", "room/mocap_training-player.html")
     assert '<iframe src="room/mocap_training-player.html"' in page.read_text()
-    assert "<iframe" not in write_report(record, tmp_path / "plain.html").read_text()
+    assert "<iframe" not in report
 
 
-def test_the_report_is_one_file_that_fetches_nothing(record, tmp_path):
-    text = write_report(record, tmp_path / "report.html").read_text()
-    fetched = re.findall(r"""(?:src|href)="([^"]*)|url\(([^)]*)""", text)
+def test_the_report_is_one_file_that_fetches_nothing(report):
+    fetched = re.findall(r"""(?:src|href)="([^"]*)|url\(([^)]*)""", report)
     assert all("".join(address).startswith(("#", "data:image/")) for address in fetched)
-    assert text.count('role="img" aria-label=') == 2 and "<script" not in text
-    assert "always the centre" in text and "<code>field</code>" in text
+    # Two figures, each for pages and for phones.
+    assert report.count('role="img" aria-label=') == 4 and "<script" not in report
+    assert "always the centre" in report and "<code>field</code>" in report
 
 
 def test_the_page_has_a_verdict_what_limits_it_and_two_commands(record, tmp_path):
@@ -174,9 +180,8 @@ def test_the_page_has_a_verdict_what_limits_it_and_two_commands(record, tmp_path
     assert text.index("It works here") < text.index("The numbers")
 
 
-def test_the_report_is_dark_on_screens_alone(record, tmp_path):
-    text = write_report(record, tmp_path / "report.html").read_text()
-    style, body = text.split("<body>")
+def test_the_report_is_dark_on_screens_alone(report):
+    style, body = report.split("<body>")
     dark = style.split("@media screen and (prefers-color-scheme: dark)")[1].split("@media print")[0]
     for color in ("ffffff", "000000", COLORS["field"][1:].lower()):
         assert style.count(f"--fig-{color}: ") == dark.count(f"--fig-{color}: ") == 1

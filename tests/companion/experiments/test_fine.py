@@ -19,7 +19,7 @@ def record(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         flight = record_flight(
             tmp_path_factory.mktemp("flights") / "again",
-            pattern="waypoints", frames=40, camera=Camera(160, 120, 130.0),
+            pattern="waypoints", frames=34, camera=Camera(160, 120, 130.0),
         )  # fmt: skip
         # Stitching has tests of its own.
         patch.setattr(fine, "stitched_map", lambda train: SimpleNamespace(map=train.floor))

@@ -20,8 +20,8 @@ from trexton.vision.camera import Camera
 from trexton.simulator import Floor, record_flight
 
 folder = sys.argv[1]
-room = {"floor": Floor.from_file(sys.argv[2], 3.0), "camera": Camera(320, 240, 260.0)}
-train = record_flight(folder + "/train", frames=30, every=8, seed=3, **room)
+room = {"floor": Floor.from_file(sys.argv[2], 3.0), "camera": Camera(160, 120, 130.0)}
+train = record_flight(folder + "/train", frames=24, every=8, seed=3, **room)
 test = record_flight(folder + "/test", frames=6, every=4, pattern="waypoints", **room)
 parameters = mocap_training.Parameters(
     samples=50, textons=6, particles=20, neighbors=2, repeats=2
@@ -30,21 +30,26 @@ mocap_training.run(train, test, parameters).save(folder + "/results")
 """
 
 
+@pytest.fixture(scope="module")
+def real(cyberzoo):
+    return mocap_training.run(
+        cyberzoo.part("train"), cyberzoo.part("test"), mocap_training.Parameters(repeats=1)
+    )
+
+
 def mean_cm(record, what, axis):
     return record.values[what][f"error_cm_{axis}"]["value"]
 
 
-def test_the_real_flight_gives_the_known_knn_errors(cyberzoo):
-    record = mocap_training.run(
-        cyberzoo.part("train"), cyberzoo.part("test"), mocap_training.Parameters(repeats=3)
-    )
+def test_the_real_flight_gives_the_known_knn_errors(real, cyberzoo):
+    record = real
     assert mean_cm(record, "knn", "x") == pytest.approx(18, abs=2)
     assert mean_cm(record, "knn", "y") == pytest.approx(26, abs=2)
     assert record.values["counts"]["train"] == 325 and record.values["counts"]["test"] == 299
     # Both parts are of one flight, so they are exchanged too.
     exchanged = record.values["exchanged"]["knn"]["mean_cm"]["value"]
     back = mocap_training.run(
-        cyberzoo.part("test"), cyberzoo.part("train"), mocap_training.Parameters(repeats=3)
+        cyberzoo.part("test"), cyberzoo.part("train"), mocap_training.Parameters(repeats=1)
     )
     assert back.values["knn"]["mean_cm"]["value"] == exchanged
     assert 0 < record.values["spread"]["within_one"] < 1 and record.values["lag"]["s"] > 0
@@ -81,10 +86,8 @@ def test_equal_seeds_give_equal_bytes_under_any_hash_seed_and_threads(tmp_path):
     assert contents[0] == contents[1]
 
 
-def test_figures_draw_the_records_numbers(cyberzoo):
-    record = mocap_training.run(
-        cyberzoo.part("train"), cyberzoo.part("test"), mocap_training.Parameters(repeats=1)
-    )
+def test_figures_draw_the_records_numbers(real):
+    record = real
     plan = mocap_training.floor_plan(record).axes[0]
     drawn = {line.get_label(): line.get_xydata() for line in plan.lines}
     np.testing.assert_array_equal(drawn["true track"], record.series["truth_m"])
