@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
+import json
 import os
 import re
 import tempfile
@@ -17,6 +19,7 @@ from small_recording import film
 
 from trexton.base.records import Record
 from trexton.cli.replay import replayed
+from trexton.companion.build.sweep import read_plan
 from trexton.flights import Flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.importers import importer
@@ -157,6 +160,29 @@ def _source(folder: Path) -> Callable[[bytes], object]:
     return target
 
 
+def _picture(folder: Path, record: Path) -> tuple[Callable[[bytes], object], list[bytes]]:
+    """A record's picture, which the record says is the right one."""
+    content = json.loads(record.read_bytes())
+    (entry,) = content["images"].values()
+    seeds = [(record.parent / entry["file"]).read_bytes(), _encoded(".jpg"), _encoded(".tiff")]
+
+    def target(data: bytes) -> object:
+        entry.update(file="own.png", sha256=hashlib.sha256(data).hexdigest())
+        (folder / "own.png").write_bytes(data)
+        (folder / "own.json").write_text(json.dumps(content))
+        return Record.load(folder / "own.json")
+
+    return target, seeds
+
+
+PLAN = b"""experiment = "mocap_training"
+flights = ["plain", "other"]
+[set]
+particles = 10
+neighbors = [2, 3]
+"""
+
+
 def _word(data: bytes) -> str:
     """As a shell hands it over."""
     return data.replace(b"\0", b"").decode("utf-8", "surrogateescape")
@@ -292,7 +318,8 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
     field_bytes = save_map(field_map, folder / "field.npz").read_bytes()
     picture = {"p": np.eye(4, dtype=np.uint8)}
     record = Record("e", "f", {"a": 1}, {"b": 2.0}, {"time_s": [0.0, 1.0]}, picture)
-    record_bytes = record.save(folder).read_bytes()
+    record_file = record.save(folder)
+    record_bytes = record_file.read_bytes()
     cache_target, cache_bytes = _cache(folder)
     (folder / "p.csv").write_text("t,x,y\n0,1,2\n1,1,2\n2,1,3\n")
     camera = (
@@ -321,6 +348,8 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
         "map": (_file("m.npz", parts["map"], load_map), [map_bytes, field_bytes]),
         "cache": (cache_target, [cache_bytes]),
         "record": (_file("r.json", folder, Record.load), [record_bytes]),
+        "record picture": _picture(folder, record_file),
+        "plan": (_file("plan.toml", folder, read_plan), [PLAN]),
         "import euroc": (_importer("euroc", "mav0/vicon0/data.csv", parts["euroc"], True), [euroc]),
         "import tum": (_importer("tum", "groundtruth.txt", parts["tum"], True), [track]),
         "import csv": (_importer("csv", "t.csv", folder), [rows]),

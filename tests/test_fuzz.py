@@ -22,6 +22,8 @@ NAMES = (
     "map",
     "cache",
     "record",
+    "record picture",
+    "plan",
     "import euroc",
     "import tum",
     "import csv",

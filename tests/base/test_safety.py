@@ -327,3 +327,23 @@ def test_a_device_or_a_pipe_is_never_replaced_by_a_file(tmp_path, capsys):
         stream.write("lost")
     assert stat.S_ISFIFO(os.stat(tmp_path / "pipe").st_mode)
     assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
+
+
+def test_nothing_is_sent_anywhere(tmp_path):
+    """Neither a look for a newer version nor a count of uses."""
+    write_flight(small_flight(), tmp_path / "room")
+    code = (
+        "import sys\n"
+        "def hook(event, arguments):\n"
+        "    if event.startswith('socket.') and event != 'socket.__new__':\n"
+        "        raise SystemExit(f'{event} {arguments}')\n"
+        "sys.addaudithook(hook)\n"
+        "from trexton.cli.main import main\n"
+        "for words in ('check room', 'train room -o map.npz', 'export room tum --out t.tum',\n"
+        "              'onboard map.npz --camera room --output csv:fixes.csv'):\n"
+        "    assert main(words.split()) == 0\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr

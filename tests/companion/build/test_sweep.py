@@ -142,7 +142,7 @@ def test_a_cell_that_fails_costs_only_itself(flight, tmp_path, capsys):
             'experiment = "timing"\nflights = ["ROOM"]\n[set]\npasses = 0',
             "passes is 0: expected 1 or more",
         ),
-        (None, "plan.toml: no readable plan"),
+        (None, "plan.toml: cannot be read"),
     ],
 )
 def test_nonsense_is_refused_before_anything_is_touched(flight, tmp_path, capsys, plan, message):

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError
-from trexton.base.files import atomic_file, canonical_json, digest
+from trexton.base.files import atomic_file, canonical_json, digest, read_text
 from trexton.base.options import Options, option
 from trexton.base.records import Record
 from trexton.companion.build import engine
@@ -81,8 +81,8 @@ def read_plan(path: Path) -> SweepPlan:
         It cannot be read, or something in it has another type.
     """
     try:
-        said = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError) as error:
+        said = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
         raise ParameterError(f"{path}: no readable plan ({error})") from None
     settings, flights = said.pop("set", {}), said.pop("flights", [])
     if not (isinstance(flights, list) and all(isinstance(one, str) for one in flights)):
