@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import struct
 import zipfile
 import zlib
@@ -110,3 +111,21 @@ def test_a_damaged_cache_is_made_again_and_said(kind, tmp_path, monkeypatch, cap
     assert (result["a"] == np.arange(5.0)).all() and (result["b"] == 1).all() and len(calls) == 2
     assert "made again" in capsys.readouterr().err
     assert len(list(again())) == 2 and len(calls) == 2
+
+
+@pytest.mark.parametrize(
+    "make", [os.mkdir, os.mkfifo, lambda place: os.symlink("/dev/zero", place)]
+)
+def test_what_is_no_file_of_the_cache_stays_and_costs_nothing(make, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
+
+    def ask():
+        return cached("thing", "trexton.base.errors", {}, lambda: {"a": np.arange(3)})
+
+    ask()
+    (path,) = tmp_path.iterdir()
+    path.unlink()
+    make(path)
+    before = path.lstat().st_mode
+    assert ask()["a"].tolist() == [0, 1, 2] and path.lstat().st_mode == before
+    assert "nothing is kept there" in capsys.readouterr().err

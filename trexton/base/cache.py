@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from trexton.base.arrays import DAMAGE, read_arrays
-from trexton.base.errors import DataError
+from trexton.base.errors import DataError, ParameterError
 from trexton.base.files import atomic_file, digest
 from trexton.base.progress import say
 from trexton.base.records import software_versions
@@ -122,8 +122,8 @@ def cached(
         with atomic_file(path, "wb") as stream:
             save: Any = np.savez  # whose stubs take every name for an option
             save(stream, **arrays, **{CONTENTS: np.array(_contents(arrays))})
-    except OSError as error:  # of a disk that is full or not ours: what was computed is right
-        say(f"{path.parent}: nothing is kept there ({error.strerror or error})")
+    except (OSError, ParameterError) as error:  # full, not ours: what was computed is right
+        say(f"{path.parent}: nothing is kept there ({error})")
     return arrays
 
 
@@ -138,7 +138,6 @@ def _stored(path: Path) -> dict[str, np.ndarray] | None:
         return arrays
     except (DataError, *DAMAGE) as error:
         say(f"{path}: not whole ({str(error) or type(error).__name__}): made again")
-        path.unlink(missing_ok=True)
         return None
 
 
