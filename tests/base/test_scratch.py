@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 from trexton.base.files import scratch_folder
 from trexton.base.progress import shown
 from trexton.cli.main import main
@@ -30,6 +32,13 @@ def test_codes_are_shown_and_not_obeyed(tmp_path, capsys):
         'name = "a\\u001b[2J"\nnotes = ["\\u001b]0;OWNED\\u0007"]\n'
     )
     main(["check", str(flight)])
+    for words in (
+        ["check", "here", str(flight)],
+        [f"\x1b{flight}"],
+        ["check", "--odd\x1b[2J", "f"],
+    ):
+        with pytest.raises(SystemExit):
+            main(words)
     said = capsys.readouterr()
     assert "\x1b" not in said.out + said.err and "\\x1b" in said.out + said.err
 

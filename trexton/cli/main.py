@@ -90,7 +90,8 @@ def main(argv: list[str] | None = None) -> int:
     _add_plugin(first)  # what a plugin offers is among the choices of the parser
     try:
         import_plugins(",".join(first.parse_known_args(argv)[0].plugin))
-        arguments = build_parser(chosen, argv).parse_args(argv)
+        with contextlib.redirect_stderr(Shown(sys.stderr)):
+            arguments = build_parser(chosen, argv).parse_args(argv)
         set_quiet(arguments.quiet)
         verb = resolve("commands", arguments.command, COMMANDS)
         if threading.current_thread() is threading.main_thread():
