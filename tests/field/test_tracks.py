@@ -1,7 +1,10 @@
 """Method field: the tracks that fly over its likelihood, lost and found again, with a velocity."""
 
+from unittest import mock
+
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from small_room import random_walk
 from small_survey import AREA, errors_of, look, observed, path
 
@@ -277,3 +280,40 @@ def test_options_out_of_range_are_refused():
         Tracks(tracks=0)
     with pytest.raises(ParameterError, match="velocity_sigma"):
         Tracks(velocity_sigma=0.0)
+
+
+def true_to_the_model(motion, field, seed, sigma=0.15, frames=25):
+    """NEES of a vehicle that moves and is seen as the filter takes it; None where it left the
+    area.
+    """
+    rng, errors = np.random.default_rng(seed), field.error_model
+    stays = np.exp(-float(motion.period_s) / errors.time_constant_s)
+    state = np.zeros((1, 6))
+    state[0, :2] = 2.0, 1.5
+    state[0, 2:] = 0.5 * np.sqrt(motion.prior_variance[2:]) * rng.standard_normal(4)
+    correlated = errors.correlated_sigma * rng.standard_normal(2)
+    tracker = TrackFilter(motion, field, AREA)
+    for _ in range(frames):
+        state = motion.sample(state, rng)
+        kick = errors.correlated_sigma * rng.standard_normal(2)
+        correlated = stays * correlated + np.sqrt(1 - stays**2) * kick
+        seen = state[0, :2] + correlated + np.hypot(errors.white_sigma, sigma) * rng.normal(size=2)
+        likelihood = -np.square(field.centers - seen).sum(axis=1) / (2 * sigma**2)
+        with mock.patch.object(field, "log_posterior", lambda _, known=likelihood: known):
+            tracker.step(observed(np.ones(12) / 12))
+    estimate, place = tracker.estimate(), state[0, :2]
+    offset = place - estimate.position
+    inside = 0 < place[0] < AREA[1] and 0 < place[1] < AREA[3]
+    return offset @ np.linalg.solve(estimate.covariance, offset) if inside else None
+
+
+def test_nees_is_in_its_band_where_the_model_is_true(field, motion, monkeypatch):
+    """Each flight is one draw of a chi-squared of two degrees of freedom."""
+    motion = motion.with_learned(acceleration=motion.acceleration / motion.agility)
+    monkeypatch.setattr(field, "normalized_residual", lambda *_: 0.5)  # as any frame of the survey
+    monkeypatch.setattr(field, "correlated_inflation", lambda _: 1.0)
+    drawn = [true_to_the_model(motion, field, seed) for seed in range(120)]
+    nees = np.array([each for each in drawn if each is not None])
+    low, high = chi2.ppf((0.0005, 0.9995), 2 * len(nees)) / len(nees)
+    assert len(nees) > 100 and low < nees.mean() < high
+    assert not low < nees.mean() * 1.33**2 < high and not low < nees.mean() / 1.33**2 < high
