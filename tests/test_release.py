@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -107,3 +108,11 @@ def test_a_crate_of_results_is_whole(tmp_path):
     import crate
 
     assert crate.faults(tmp_path / "crate.zip") == []
+
+
+def test_no_test_is_passed_over(pytestconfig):
+    """By default pytest does not enter a folder called `build`, and a room is called so."""
+    left_out = pytestconfig.getini("norecursedirs")
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        folders = path.relative_to(ROOT).parts[:-1]
+        assert not any(fnmatch(name, each) for name in folders for each in left_out), path
