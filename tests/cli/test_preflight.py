@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -82,47 +83,76 @@ def test_no_camera(place, capsys):
     assert "gives no frames" in lines[0]
 
 
-@pytest.mark.parametrize("degrees", [0.0, 4.0])
-def test_a_camera_that_looks_askew_is_told(tmp_path, degrees):
+ASKEW_DEG = (0.0, 4.0)
+
+
+@pytest.fixture(scope="module")
+def mounts(tmp_path_factory):
+    """What is said of the attitude by how askew the camera is mounted, all at once."""
+    folder = tmp_path_factory.mktemp("mounts")
     flight = record_flight(
-        tmp_path / "flight", frames=60, speed=1.0, camera=CAMERA, floor=colourful_floor()
+        folder / "flight", frames=60, speed=1.0, camera=CAMERA, floor=colourful_floor()
     )
-    texton_map = save_map(
-        train_map(flight, method="fine", n_textons=6, rng=np.random.default_rng(1)),
-        tmp_path / "fine.npz",
-    )
-    askew = replace(flight, attitude=flight.attitude + np.radians([0.0, degrees, 0.0]))
-    write_flight(askew, tmp_path / "askew")
-    # It ends before; over and over, for a busy computer drops most frames of the first lap.
-    options = {Flying: Flying(camera=str(tmp_path / "askew")), Playback: Playback(laps=3)}
-    found = preflight(Settings(str(texton_map), (), (), options), 60.0)
-    told = [check.words for check in found if check.name == "attitude"]
+    texton_map = train_map(flight, method="fine", n_textons=6, rng=np.random.default_rng(1))
+    file = str(save_map(texton_map, folder / "fine.npz"))
+
+    def told(degrees):
+        askew = replace(flight, attitude=flight.attitude + np.radians([0.0, degrees, 0.0]))
+        camera = str(write_flight(askew, folder / f"{degrees} degrees"))
+        # It ends before; over and over, for a busy computer drops most frames of the first lap.
+        options = {Flying: Flying(camera=camera), Playback: Playback(laps=3)}
+        found = preflight(Settings(file, (), (), options), 60.0)
+        return [check.words for check in found if check.name == "attitude"]
+
+    with ThreadPoolExecutor(len(ASKEW_DEG)) as pool:
+        return dict(zip(ASKEW_DEG, pool.map(told, ASKEW_DEG), strict=True))
+
+
+@pytest.mark.parametrize("degrees", ASKEW_DEG)
+def test_a_camera_that_looks_askew_is_told(mounts, degrees):
+    told = mounts[degrees]
     assert len(told) == (degrees > 0) and all("camera's mount" in words for words in told)
 
 
-@pytest.mark.parametrize(
-    ("late", "given", "words"),
-    [
-        (0.0, 0.0, "frames come"),
-        (0.24, 0.0, "add --camera-delay 0.2"),
-        (0.24, 0.24, "0.24 given"),
-        (0.7, 0.0, "look for a quicker camera"),
-        (None, 0.0, "turns against the vehicle"),
-    ],
-)
-def test_a_camera_that_is_late_is_told(place, tmp_path, late, given, words):
+# Seconds by which the attitude runs ahead of the frames, None where it has the other sign; the
+# delay that was given; and what is said.
+DELAYS = [
+    (0.0, 0.0, "frames come"),
+    (0.24, 0.0, "add --camera-delay 0.2"),
+    (0.24, 0.24, "0.24 given"),
+    (0.7, 0.0, "look for a quicker camera"),
+    (None, 0.0, "turns against the vehicle"),
+]
+
+
+@pytest.fixture(scope="module")
+def delays(place, tmp_path_factory):
+    """The check of each, all at once: they play a flight that turns, at its own pace."""
+    folder = tmp_path_factory.mktemp("delays")
     flight = record_flight(
-        tmp_path / "flight", pattern="waypoints", frames=75, camera=CAMERA,
+        folder / "flight", pattern="waypoints", frames=75, camera=CAMERA,
         floor=colourful_floor(), effects=Effects(yaw=0.3),
     )  # fmt: skip
-    yaw = flight.attitude[:, 2]
-    yaw = -yaw if late is None else np.interp(flight.time + late, flight.time, yaw)
-    write_flight(
-        replace(flight, attitude=np.column_stack([flight.attitude[:, :2], yaw])), tmp_path / "late"
-    )
-    camera = Flying(camera=str(tmp_path / "late"), camera_delay=given)
-    found = {c.name: c for c in preflight(Settings(place[0], (), (), {Flying: camera}), 7.0)}
-    assert found["delay"].holds == (late == given) and words in found["delay"].words
+
+    def checked(late, given):
+        yaw = flight.attitude[:, 2]
+        yaw = -yaw if late is None else np.interp(flight.time + late, flight.time, yaw)
+        attitude = np.column_stack([flight.attitude[:, :2], yaw])
+        camera = folder / f"{late} {given}"
+        write_flight(replace(flight, attitude=attitude), camera)
+        flying = Flying(camera=str(camera), camera_delay=given)
+        found = preflight(Settings(place[0], (), (), {Flying: flying}), 7.0)
+        return {check.name: check for check in found}["delay"]
+
+    with ThreadPoolExecutor(len(DELAYS)) as pool:
+        late, given, _ = zip(*DELAYS, strict=True)
+        return dict(zip(DELAYS, pool.map(checked, late, given), strict=True))
+
+
+@pytest.mark.parametrize(("late", "given", "words"), DELAYS)
+def test_a_camera_that_is_late_is_told(delays, late, given, words):
+    found = delays[late, given, words]
+    assert found.holds == (late == given) and words in found.words
 
 
 class Later:
