@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
+from functools import partial
 from itertools import islice, pairwise
 from time import perf_counter
 from types import SimpleNamespace
@@ -52,17 +53,20 @@ PYTHON = [
 
 @pytest.fixture(scope="module")
 def names(tmp_path_factory):
-    """What a reader of any page has: small flights in their usual places, a map, imports."""
+    """What a reader of any page has: small flights in their usual places, a map, imports. All is
+    seen by a camera of a quarter of the pixels.
+    """
     folder = tmp_path_factory.mktemp("clone")
     hall = cv2.resize(Floor.painted().picture.image, (1280, 1280), interpolation=cv2.INTER_AREA)
     cv2.imwrite(str(folder / "hall.png"), hall)
     floor = Floor.from_file(folder / "hall.png", 5.0)
+    camera = Camera(width=320, height=240, focal=260.0)
     flight = record_flight(
         folder / "data" / "flights" / "sim-survey",
         frames=40,
         every=4,
         floor=floor,
-        camera=Camera(width=640, height=480, focal=520.0),
+        camera=camera,
     )
     flights = folder / "data" / "flights"
     shutil.copytree(flights / "sim-survey", flights / "sim-waypoints")
@@ -87,7 +91,7 @@ def names(tmp_path_factory):
         "HomographyLocalizer": HomographyLocalizer,
         "LandingZone": LandingZone,
         "TouchdownZone": TouchdownZone,
-        "Simulator": Simulator,
+        "Simulator": partial(Simulator, camera=camera),
         "Light": Light,
         "Observation": Observation,
         "Aiding": Aiding,
@@ -104,7 +108,7 @@ def names(tmp_path_factory):
         "camera": [image, flight.image(4)],
         "mosaic": SimpleNamespace(map=flight.floor),
         "center": center,
-        "simulator": Simulator(floor, start=center, rng=np.random.default_rng(0)),
+        "simulator": Simulator(floor, camera=camera, start=center, rng=np.random.default_rng(0)),
         "aiding": None,
         "plan": SimpleNamespace(goal=lambda position: center),
     }
