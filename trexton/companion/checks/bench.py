@@ -25,6 +25,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.progress import say
 from trexton.base.streams import stream
 from trexton.companion.checks.timing import Contest, Row
+from trexton.companion.checks.waiting import answers, learning
 from trexton.companion.executor import environment
 from trexton.companion.experiments.evaluation import evenly_spread
 from trexton.companion.provenance import machine
@@ -43,7 +44,15 @@ _GEMM = 2048
 _SIZE = "640x480"
 _VIEWS = 48  # frames that are looked at, evenly over the flight
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")
-_PARTICLES = ((50, 0.5, 1), (500, 0.04, 1), (5000, 0.02, 2))  # how many, limit, threads
+_PARTICLES = ((50, 0.5, 1), (500, 0.04, 1), (5000, 0.01, 2))  # how many, limit, threads
+_ALL = "roll", "pitch", "yaw", "height"
+# Method, what the autopilot measures, and limit.
+_FRAMES: tuple[tuple[str, tuple[str, ...], float | None], ...] = (
+    ("paper", _ALL, None),
+    ("field", _ALL, None),
+    ("fine", _ALL, 0.06),
+    ("fine, tilt found", _ALL[2:], 0.09),
+)
 
 
 class Scene:
@@ -152,11 +161,17 @@ def frame(scene: Scene) -> Contests:
     detector = cv2.SIFT.create(nfeatures=KEYPOINTS)
     lumas = [view[..., 0].copy() for view in scene.views]
     sift = "SIFT of the frame", _each(lambda luma: detector.detectAndCompute(luma, None), lumas)
-    frames = list(zip(scene.views, map(scene.flight.aiding, scene.rows), strict=True))
-    for method in ("paper", "field", "fine"):
-        one = Localizer(scene.map(method), rng=stream(scene.seed, "flight"))
+    # There and back: where a frame is not beside the last one, a vehicle was kidnapped.
+    *back, last = range(len(scene.flight))[-_VIEWS:]
+    images = {row: scene.flight.image(row) for row in (*back, last)}
+    for method, known, limit in _FRAMES:
+        one = Localizer(scene.map(method.partition(",")[0]), rng=stream(scene.seed, "flight"))
+        frames = [
+            (images[row], scene.flight.aiding(row).only(known))
+            for row in (*back, last, *back[:0:-1])
+        ]
         step = _each(lambda both, one=one: one.step(both[0], aiding=both[1]), frames)
-        yield Contest(f"frame, {method}", _SIZE, step, *sift)
+        yield Contest(f"frame, {method}", _SIZE, step, *sift, limit)
     locate = _each(whole.locate, scene.views)
     yield Contest("frame, homography", _SIZE, locate, *sift, 1.4)
     smaller = _each(half.locate, scene.views)
@@ -181,7 +196,7 @@ def start(scene: Scene) -> Contests:
     bare = "import NumPy and OpenCV", partial(_python, scene, "import numpy, cv2")
     yield Contest("start, trexton --help", "process", help_, *bare, 1.0)
     yield Contest(
-        "start, first frame", "process", partial(_python, scene, _FIRST_FRAME), *bare, 1.2
+        "start, first frame", "process", partial(_python, scene, _FIRST_FRAME), *bare, 1.15
     )
 
 
@@ -205,6 +220,8 @@ STAGES: dict[str, Callable[[Scene], Contests]] = {
     "filter": filter_step,
     "frame": frame,
     "start": start,
+    "learning": learning,
+    "answers": answers,
 }
 
 

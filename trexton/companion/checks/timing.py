@@ -17,6 +17,7 @@ from trexton.companion.executor import limited_threads
 __all__ = ["Contest", "Row", "interleave", "table"]
 
 Row = dict[str, Any]
+_LONG = 5.0  # times what all calls should take
 _PAUSE = 0.05  # seconds; threads of a BLAS spin for about as long after their last product
 
 
@@ -25,14 +26,17 @@ def interleave(
 ) -> list[np.ndarray]:
     """Seconds of each repeat, in turn, so that whatever else the machine does falls on all alike.
 
-    Each is called twice to warm up, then for about `seconds` in at least so many `rounds`.
+    Each is called twice to warm up, once where that takes long, then for about `seconds` in at
+    least so many `rounds`.
     """
     repeats, taken = [], [list[float]() for _ in calls]
     for call in calls:
-        call()
-        start = time.perf_counter()
-        call()
-        repeats.append(int(np.clip(seconds / rounds / (time.perf_counter() - start), 1, 3000)))
+        for _ in range(2):
+            start = time.perf_counter()
+            call()
+            if (once := time.perf_counter() - start) > _LONG * seconds:
+                break
+        repeats.append(int(np.clip(seconds / rounds / once, 1, 3000)))
     for _ in range(rounds):
         for call, count, own in zip(calls, repeats, taken, strict=True):
             time.sleep(_PAUSE)
