@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import cv2
 import numpy as np
@@ -12,12 +13,22 @@ from conftest import small_flight
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.records import Record
 from trexton.cli.main import main
-from trexton.companion.experiments import suitability
+from trexton.companion.experiments import floors, suitability
 from trexton.companion.experiments.floors import VirtualFlights, judge_floor, named_floor
 from trexton.companion.experiments.suitability import measured_over_predicted
 from trexton.simulator import Floor
+from trexton.vision.camera import Camera
 
 SMALL = VirtualFlights(frames=100, test_frames=30)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_camera():
+    """A quarter of the pixels, unless a camera is named."""
+    with pytest.MonkeyPatch.context() as patch:
+        smaller = partial(floors.record_flight, camera=Camera(320, 240, 260.0))
+        patch.setattr(floors, "record_flight", smaller)
+        yield
 
 
 @pytest.fixture(scope="module")
