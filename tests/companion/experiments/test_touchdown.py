@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from onboard_tools import narrow_floor
 
 from trexton.base.records import Record
 from trexton.companion.build import notebook
@@ -26,7 +27,8 @@ OPTIONS = {
 @pytest.fixture(scope="module")
 def train(tmp_path_factory) -> Flight:
     folder = tmp_path_factory.mktemp("touchdown") / "room"
-    return record_flight(folder, frames=110, every=6, camera=Camera(160, 120, 130.0))
+    camera = Camera(160, 120, 130.0)
+    return record_flight(folder, frames=110, every=6, camera=camera, floor=narrow_floor())
 
 
 @pytest.fixture(scope="module")
