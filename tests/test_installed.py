@@ -41,7 +41,7 @@ def trexton(wheel, tmp_path_factory):
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     site = place / "lib" / version / "site-packages"
     (site / "borrowed.pth").write_text(sysconfig.get_paths()["purelib"])
-    install = ["install", "--no-deps", "--no-index", "--quiet", wheel]
+    install = ["install", "--no-deps", "--no-index", "--no-compile", "--quiet", wheel]
     pip = [sys.executable, "-m", "pip", "--python", place / "bin" / "python"]
     subprocess.run([*pip, *install], check=True)
     environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "TREXTON_CACHE")}

@@ -17,7 +17,7 @@ from trexton.vision.camera import Camera
 
 @pytest.fixture(scope="module")
 def flights(tmp_path_factory):
-    """Sixty frames that follow each other closely enough to be linked, and eight of another
+    """Forty frames that follow each other closely enough to be linked, and eight of another
     flight.
     """
     folder = tmp_path_factory.mktemp("flights")
@@ -31,7 +31,7 @@ def flights(tmp_path_factory):
             "camera": Camera(width=320, height=240, focal=260.0),
             "every": 2,
         }
-        train = record_flight(folder / "train", frames=60, **room)
+        train = record_flight(folder / "train", frames=40, **room)
         test = record_flight(folder / "test", pattern="waypoints", frames=8, **room)
         yield train, test
 
