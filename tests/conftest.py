@@ -41,7 +41,7 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def cyberzoo(shared_data) -> Flight:
     """The authors' real flight."""
-    from trexton.flights.cyberzoo import read_cyberzoo
+    from trexton.companion.public_flights import read_cyberzoo
 
     return read_cyberzoo(*(shared_data / key for key in raw_files("cyberzoo")))
 

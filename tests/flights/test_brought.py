@@ -28,7 +28,7 @@ def place(i: float) -> tuple[float, float]:
     return float(5 + 2 * np.cos(i / 8)), float(4 + 2 * np.sin(i / 8))
 
 
-def bag(path: Path, stamped=True, encoding="mono8", ros2=False, zero_turns=()) -> Path:
+def bag(path: Path, stamped=True, constant=0, encoding="mono8", ros2=False, zero_turns=()) -> Path:
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -55,7 +55,7 @@ def bag(path: Path, stamped=True, encoding="mono8", ros2=False, zero_turns=()) -
                     x=float(i not in zero_turns), y=0.0, z=0.0, w=0.0
                 ),
             )
-            at = header(now if stamped else 0)
+            at = header(now if stamped else constant)
             message = kinds["geometry_msgs/msg/PoseStamped"](header=at, pose=pose)
             writer.write(poses, now, packed(message, "geometry_msgs/msg/PoseStamped"))
             pixels = picture(i)[..., 0]
@@ -94,6 +94,8 @@ def test_bags_without_stamps_and_their_files(tmp_path):
     flight, said = import_flight(bag(tmp_path / "b.bag", stamped=False), tmp_path / "out")
     assert len(flight) == 8 and any("bag's own times" in line for line in said)
     np.testing.assert_allclose(flight.time, np.arange(8) / 20)
+    flight, said = import_flight(bag(tmp_path / "c.bag", False, 7 * N), tmp_path / "constant")
+    assert len(flight) == 8 and any("bag's own times" in line for line in said)
     source = bag(tmp_path / "two", ros2=True) / "two.mcap"
     assert guess_kind(source) == "bag"
     assert len(import_flight(source, tmp_path / "mcap")[0]) == 8
@@ -128,6 +130,55 @@ def test_yaw_in_degrees_is_said_and_read(tmp_path):
     assert cli.main([*words, str(source)]) == 0
     yaw = read_flight(tmp_path / "b").attitude[:, 2]
     np.testing.assert_allclose(np.degrees(yaw[:4]), [0, 15, 30, 45])
+
+
+@pytest.mark.parametrize(
+    ("stamp", "expected"),
+    [
+        (lambda i: f"2024-05-01 10:00:{i / 12:06.3f}", np.arange(24).round() / 12),
+        (lambda i: f"2024-05-01T12:00:{i / 12:06.3f}+02:00", np.arange(24) / 12),
+        (lambda i: str(1714557600 + i // 12), np.arange(24) / 12),
+        (lambda i: f"{i // 3 * 0.25:.2f}", np.arange(24) / 12),
+    ],
+)
+def test_stamps_as_people_write_them(tmp_path, stamp, expected):
+    rows = [f"{stamp(i)},{','.join(map(str, place(i)))},{i % 6}.png" for i in range(24)]
+    flight, _ = import_flight(table(tmp_path / "t", rows), tmp_path / "out")
+    np.testing.assert_allclose(flight.time, expected, atol=1e-3)
+    np.testing.assert_allclose(flight.position, [place(i) for i in range(24)])
+
+
+def test_one_stamp_for_all_is_refused(tmp_path):
+    rows = [f"5.0,{','.join(map(str, place(i)))},{i % 6}.png" for i in range(24)]
+    with pytest.raises(FlightError, match=r"24 rows of positions, each stamp at several places"):
+        import_flight(table(tmp_path / "t", rows), tmp_path / "out")
+
+
+def test_repairs_do_not_take_one_unit_for_another(tmp_path):
+    time = np.arange(200) * 0.08
+    position = np.column_stack([5 + 2 * np.cos(1.5 * time), 4 + 2 * np.sin(1.5 * time)])
+    area = (2.9, 7.1, 1.9, 6.1)
+    quick = replace(small_flight(200), time=time, position=position, area=area)
+    flight = replace(quick, position=100 * position, area=tuple(100 * np.array(area)))
+    done = repair_flight(write_flight(flight, tmp_path / "cm"), tmp_path / "cm2")
+    assert done == ["positions and area read as centimetres"]
+    days = replace(quick, time=time / 86400)
+    (done,) = repair_flight(write_flight(days, tmp_path / "days"), tmp_path / "days2")
+    assert done.startswith("not repaired: frames come 9.3e-07 s apart")
+    high = replace(quick, height=np.full(200, 39.8), origin=(47.0, 8.0))
+    done = repair_flight(write_flight(high, tmp_path / "high"), tmp_path / "high2")
+    assert done == ["nothing to repair"]
+
+
+def test_frames_that_a_repair_leaves_out_are_named(tmp_path):
+    rows = [f"{i * 0.08:.2f},{i / 9},1,{min(i, 5)}.png" for i in range(9)]
+    import_flight(table(tmp_path / "t", rows), tmp_path / "out")
+    cut = tmp_path / "out" / "images" / "000003.png"
+    cut.write_bytes(cut.read_bytes()[:40])
+    done = repair_flight(tmp_path / "out", tmp_path / "mended")
+    assert done[0].startswith("1 frame left out whose image cannot be read")
+    assert done[1].endswith("is the one before to the byte (frames.csv, row 8 to 10)")
+    np.testing.assert_allclose(read_flight(tmp_path / "mended").frame, [0, 1, 2, 4, 5])
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from test_import import picture
 
 from trexton.base.errors import FlightError, TrextonError
-from trexton.flights.importing import import_flight
+from trexton.flights.importing import import_flight, preview_import
 
 
 def photo(path: Path, i: int, latitude=47.0, longitude=8.0, **how) -> None:
@@ -58,6 +58,15 @@ def test_heights_above_the_sea_are_no_heights(tmp_path):
          'Camera:AboveGroundAltitude="39.8"', (0, 10, -90)),
         ('drone:RelativeAltitude="39.8" drone:GimbalPitchDegree="-90" drone:GimbalYawDegree="0"',
          (0, 0, 0)),
+        # Parrot's own documentation writes a fraction.
+        ('Camera:AboveGroundAltitude="10433331/262144" Camera:Pitch="0" Camera:Yaw="0"', (0, 0, 0)),
+        # Straight down, a roll turns the picture; turned over, the gimbal looks down as well.
+        ('drone-dji:RelativeAltitude="3.98e+1" drone-dji:GimbalPitchDegree="-90" '
+         'drone-dji:GimbalYawDegree="90" drone-dji:GimbalRollDegree="10"', (0, 0, -100)),
+        ('drone-dji:RelativeAltitude="39,8" drone-dji:GimbalPitchDegree="-80" '
+         'drone-dji:GimbalYawDegree="90" drone-dji:GimbalRollDegree="180"', (0, -10, 90)),
+        ('drone-dji:RelativeAltitude="39.8" drone-dji:FlightPitchDegree="-5" '
+         'drone-dji:FlightYawDegree="90" drone-dji:FlightRollDegree="2"', (2, -5, -90)),
     ],
 )  # fmt: skip
 def test_heights_and_angles_in_xmp(tmp_path, tags, angles):
@@ -68,7 +77,7 @@ def test_heights_and_angles_in_xmp(tmp_path, tags, angles):
         f'22-rdf-syntax-ns#"><rdf:Description {spaces} {tags}/></rdf:RDF></x:xmpmeta>'
     )
     flight, _ = import_flight(photos(tmp_path / "p", xmp=xmp.encode()), tmp_path / "out")
-    np.testing.assert_allclose(flight.height, 39.8)
+    np.testing.assert_allclose(flight.height, 39.8, atol=1e-5)
     np.testing.assert_allclose(np.degrees(flight.attitude[0]), angles, atol=1e-9)
 
 
@@ -103,6 +112,35 @@ def test_times_of_photographs(tmp_path):
     flight, _ = import_flight(folder, tmp_path / "burst")
     np.testing.assert_allclose(flight.time, np.arange(9) / 3, atol=1e-6)
     assert (np.diff(flight.position[:, 1]) > 0).all()
+
+
+@pytest.mark.parametrize("time", ["2024:05:01 10:00:60", "yesterday", "    :  :     :  :  "])
+def test_a_photograph_without_a_time_is_left_out(tmp_path, time):
+    source = photos(tmp_path / "p")
+    photo(source / "IMG_9.jpg", 2, 47 + 2e-5, time=time)
+    flight, said = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(flight.time, [0, 1, 3, 4, 5])
+    assert "photographs without a time that can be read, left out: 1" in said
+    for path in source.iterdir():
+        photo(path, 1, 47, time=time)
+    flight, said = import_flight(source, tmp_path / "all")
+    assert len(flight) == 6 and any("taken as one a second" in line for line in said)
+
+
+def test_a_photograph_of_elsewhere_is_left_out(tmp_path):
+    source = photos(tmp_path / "p")
+    photo(source / "IMG_9.jpg", 2, 12.0, 40.0)
+    flight, said = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(np.diff(flight.position[:, 1]), [1.11, 2.22, 1.11, 1.11], atol=0.02)
+    assert "photographs more than 100 km from the others, left out: 1" in said
+
+
+def test_a_preview_notices_a_picture_that_is_cut_short(tmp_path):
+    source = photos(tmp_path / "p")
+    cut = source / "IMG_9.jpg"
+    cut.write_bytes(cut.read_bytes()[:900] + bytes(3000))
+    with pytest.raises(TrextonError, match=r"IMG_9.jpg: the file is cut short"):
+        preview_import(source)
 
 
 def test_files_that_are_whole_or_left_out(tmp_path):

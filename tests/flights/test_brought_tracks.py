@@ -161,3 +161,42 @@ def test_a_log_of_px4(tmp_path):
     np.testing.assert_allclose(track.position, [[2, i, 10] for i in range(1, 20)])
     np.testing.assert_allclose(track.attitude[:, 2], -np.pi / 2, atol=1e-6)
     assert track.origin == (47.0, 8.0) and track.time_ns[0] == N // 10
+
+
+def test_quaternions_are_ordered_by_their_names(tmp_path):
+    half = np.radians(30) / 2  # a camera that looks down, turned by 30 degrees
+    x, y = np.cos(half), np.sin(half)
+    rows = [f"{i / 10},{i},0,0,{x},{y},0" for i in range(9)]
+    (tmp_path / "t.csv").write_text("t,x,y,qw,qx,qy,qz\n" + "\n".join(rows))
+    for named in ("qw,qx,qy,qz", "qx,qy,qz,qw"):
+        track, said = read_track(tmp_path / "t.csv", TrackColumns(quaternion=named))
+        np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, 30]] * 9, atol=1e-9)
+        assert len(said) == 1
+
+
+def test_vicon_s_tables_behind_those_of_devices(tmp_path):
+    devices = "Devices\n1000\n,,Plate - Force,,\nFrame,Sub Frame,Fx,Fy,Fz\n,,N,N,N\n1,0,0,0,0\n\n"
+    outputs = "Model Outputs\n100\n,,drone:COM,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n1,0,9,9,9\n\n"
+    head = "Segments\n100\n,,drone:drone,,\nFrame,Sub Frame,TX,TY,TZ\n,,mm,mm,mm\n"
+    rows = [f"{i + 1},0,{10 * i},2000,1000" for i in range(30)]
+    (tmp_path / "v.csv").write_text(devices + outputs + head + "\n".join(rows))
+    track, said = read_track(tmp_path / "v.csv", TrackColumns())
+    np.testing.assert_allclose(track.position, [[i / 100, 2, 1] for i in range(30)])
+    np.testing.assert_array_equal(track.time_ns, np.arange(30) * N // 100)
+    assert "body drone, 100 frames a second" in said[0]
+
+
+def test_subtitles_by_the_second_and_misspelt(tmp_path):
+    film(tmp_path / "v.avi", map(picture, range(80)))
+    (tmp_path / "v.srt").write_text("\n".join(
+        f"{i}\n00:00:0{i},000 --> 00:00:0{i + 1},000\n"
+        f"[latitude : {47 + i * 1e-5:.6f}] [longtitude : 8.0] BAROMETER:12.5\n" for i in range(5)
+    ))  # fmt: skip
+    flight, said = import_flight(tmp_path / "v.avi", tmp_path / "out")
+    assert flight.height[0] == 12.5 and flight.located.sum() < 10
+    assert any("positions come 1 s apart: give --tolerance 0.5" in line for line in said)
+    settings = {"tolerance": "0.5"}
+    flight, said = import_flight(tmp_path / "v.avi", tmp_path / "all", settings=settings)
+    assert flight.located.mean() > 0.9
+    np.testing.assert_allclose(flight.position[:, 1], 1.112 * flight.time, atol=0.02)
+    assert not any("give --tolerance" in line for line in said)

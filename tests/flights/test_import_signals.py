@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import FlightError
-from trexton.flights.importers.signals import Settings, read, read_ble
+from trexton.companion.public_flights import read_ble
+from trexton.flights.importers.signals import Settings, read
 from trexton.flights.importing import import_flight
 
 LOG = """stamp,source,value,x,y

@@ -250,7 +250,7 @@ def test_units_and_axes_are_named_and_mended(kind, damage):
     kind=st.sampled_from([
         "circle", "circle, steady turn", "lanes", "lanes with noise", "waypoints", "rover",
         "carried by hand", "figure of eight", "fast quadrotor", "along a wall", "outdoors",
-    ]), how=st.sampled_from(["zero", "frozen", "body"]),
+    ]), how=st.sampled_from(["zero", "frozen", "frozen first", "body", "body now and then"]),
 )  # fmt: skip
 def test_lost_tracking_is_named(seed, kind, share, how):
     flight, rng = sound(kind, seed, 300), np.random.default_rng(seed)
@@ -263,7 +263,14 @@ def test_lost_tracking_is_named(seed, kind, share, how):
         damaged = np.sort(rng.choice(np.arange(10, 290), count, replace=False))
         position += 20 * fastest - position.min(axis=0)  # where no flight passes 0, 0
         position[damaged] = 0
-    elif how == "body":
+    elif how == "frozen first":
+        damaged = np.arange(count)
+        position[damaged] = position[count]
+        if np.hypot(*(position[count + 1] - position[count])) < max(0.06, 0.6 * fastest):
+            return  # as slowly as whoever takes off
+    elif "body" in how:
+        if "then" in how:
+            damaged = np.sort(rng.choice(np.arange(10, 290), count, replace=False))
         position[damaged] = position.max(axis=0) + 3 * np.ptp(position, axis=0)
     else:
         count = max(count, 20)

@@ -1,4 +1,4 @@
-"""Errors of estimated tracks with 95 % confidence intervals, and baselines to compare them with.
+"""Errors of estimated tracks with 95 % confidence intervals.
 
 Errors are per axis, as the paper prints them, and Euclidean; intervals come from a block bootstrap
 with Student's t. Nothing is aligned before it is compared: estimates and ground truth
@@ -147,15 +147,3 @@ def summarize(
         median = np.percentile([each[name] for each in of_runs], 50)
         result[name] = {"value": median, "low": low, "high": high}
     return result
-
-
-def constant_guess(train: np.ndarray, count: int) -> np.ndarray:
-    """``(count, 2)`` the mean training position: the baseline that knows nothing but the area."""
-    return np.tile(np.nanmean(train, axis=0), (count, 1))
-
-
-def shuffled_neighbors(
-    positions: np.ndarray, count: int, k: int, *, rng: np.random.Generator
-) -> np.ndarray:
-    """``(count, 2)`` means of k random training positions: the k-NN with shuffled histograms."""
-    return positions[rng.integers(len(positions), size=(count, k))].mean(axis=1)

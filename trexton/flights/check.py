@@ -20,7 +20,7 @@ from trexton.base.progress import progress
 from trexton.flights import plausibility
 from trexton.flights.flight import Flight
 from trexton.flights.folder import Reading, load_folder
-from trexton.flights.tracking import count_of
+from trexton.flights.tracking import count_of, ranges
 from trexton.flights.writing import write_flight
 from trexton.vision.images import read_image
 
@@ -59,7 +59,7 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
     sizes, unusable, frozen = _images(reading)
     found = [] if reading.flight is None else facts(reading.flight)
     if reading.image_files:
-        counts = (f"{count} of {_size(size)}" for size, count in sizes.items())
+        counts = (f"{count} of {'x'.join(map(str, size))}" for size, count in sizes.items())
         found.append(("images", ", ".join(counts) or "none readable"))
     faults, warnings = reading.faults + list(unusable.values()), reading.warnings
     if frozen:
@@ -102,8 +102,8 @@ def _images(reading: Reading) -> tuple[Counter[tuple[int, int]], dict[int, str],
     for row, (file, size) in places.items():
         if size != expected:
             unusable[row] = (
-                f"frames.csv, row {row}: {file} is {_size(size)} where {whose} {_size(expected)}: "
-                "all images of a flight have one size"
+                f"frames.csv, row {row}: {file} is {size[0]}x{size[1]} where {whose} "
+                f"{expected[0]}x{expected[1]}: all images of a flight have one size"
             )
     return sizes, unusable, frozen
 
@@ -146,10 +146,6 @@ def _span(values: np.ndarray) -> str:
     return f"{np.nanmin(values):.2f} to {np.nanmax(values):.2f}"
 
 
-def _size(size: tuple[int, int]) -> str:
-    return f"{size[0]}x{size[1]}"
-
-
 def repair_flight(
     path: str | os.PathLike[str], out: str | os.PathLike[str], replaced: bool = False
 ) -> list[str]:
@@ -167,10 +163,11 @@ def repair_flight(
     if left_out := {*unusable, *frozen}:
         if len(left_out) == len(flight):
             raise FlightError(f"{path}/{next(iter(unusable.values()))}")
-        done.append(
-            f"{count_of(len(left_out), 'frame')} left out whose image cannot be read, is of "
-            "another size, or is the one before"
-        )
+        for rows, why in ((unusable, "cannot be read or has another size"),
+                          (frozen, "is the one before to the byte")):  # fmt: skip
+            if rows:
+                named = f"frames.csv, row {ranges(np.array(sorted(rows)))}"
+                done.append(f"{count_of(len(rows), 'frame')} left out whose image {why} ({named})")
         flight = flight.select(np.array([row not in left_out for row, _ in reading.image_files]))
     for rounds in range(MOST_ROUNDS + 1):
         doubts = plausibility.warnings(flight)

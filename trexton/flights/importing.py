@@ -24,6 +24,7 @@ from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.axes import TAKEN
 from trexton.flights.importers.images import of_one_size, rectification_of, write_images
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, match
+from trexton.flights.tracking import count_of, lost_rows
 from trexton.flights.writing import write_tables
 from trexton.vision.camera import Rectification
 
@@ -189,13 +190,39 @@ def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]
     farthest = np.nanmax(np.abs(recording.track.position), initial=0)
     if farthest > FARTHEST:
         raise FlightError(
-            f"a position is {farthest:g} m from the origin: no such place on Earth, correct it or "
-            "name its unit"
+            f"{recording.source}: a position is {farthest:g} m from the origin: no such place on "
+            "Earth, correct it or name its unit"
         )
-    placed, gap_s = match(stamps, recording.track.shifted(common.offset), common.tolerance)
+    track, said = _without_lost(stamps, recording.track.shifted(common.offset))
+    placed, gap_s = match(stamps, track, common.tolerance)
     count = np.isfinite(placed.position[:, 0]).sum()
     found = f"{count} of {len(stamps)} frames have a position"
-    return placed, [f"{found}, largest gap between positions used {gap_s:.3f} s"]
+    said.append(f"{found}, largest gap between positions used {gap_s:.3f} s")
+    step = float(np.median(np.diff(track.time_ns, prepend=track.time_ns[0]))) / NANO
+    if count < len(stamps) / 2 and step > 2 * common.tolerance:
+        said.append(
+            f"positions come {step:.3g} s apart: give --tolerance {step / 2:.2g}, or --time-unit "
+            "where their stamps are not in seconds"
+        )
+    return placed, said
+
+
+def _without_lost(stamps: np.ndarray, track: PoseTrack) -> tuple[PoseTrack, list[str]]:
+    """The track without the rows where it was lost, which would be mixed into frames between; a
+    frame that lies on one has its place, for the check to name.
+    """
+    pose = [track.position] + ([] if track.attitude is None else [track.attitude])
+    kept, said = np.ones(len(track.time_ns), dtype=bool), []
+    for how, rows in lost_rows(track.time_ns / NANO, np.hstack(pose)):
+        rows = rows[~np.isin(track.time_ns[rows], stamps)]
+        if len(rows):
+            kept[rows] = False
+            first = (track.time_ns[rows[0]] - stamps[0]) / NANO
+            said.append(
+                f"{count_of(len(rows), 'position')} {how}, the first at {first:.2f} s: tracking "
+                "was lost there, left out"
+            )
+    return track.rows(kept), said
 
 
 def _split(share: float, count: int) -> dict[str, tuple[int, int]]:

@@ -26,7 +26,8 @@ from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
-MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
+MAX_MEDIAN_INTERVAL, SHORTEST = 30.0, 1e-4  # seconds between frames
+USUAL = 0.7, 4.0  # metres a second, and metres from wall to wall
 SLOW = 3.0, 0.02  # seconds between frames and metres a second that hardly come together
 _SMALLER = (("millimetres", 1e-3), ("centimetres", 1e-2))
 _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("milliseconds", 1e-3, 0.0))
@@ -107,15 +108,20 @@ def _tracking(flight: Flight) -> Iterator[str]:
 
 
 def _median_speed(flight: Flight) -> float:
-    """Metres a second; NaN where too few places are known."""
+    """Metres a second; NaN where too few places are known, or stamps are of another unit."""
     rows = np.flatnonzero(flight.located)
-    steps = np.hypot(*np.diff(flight.position[rows], axis=0).T)
-    return float(np.median(steps / np.diff(flight.time[rows]))) if len(rows) > 2 else np.nan
+    steps, gaps = np.hypot(*np.diff(flight.position[rows], axis=0).T), np.diff(flight.time[rows])
+    timed = len(rows) > 2 and np.median(gaps) >= SHORTEST
+    return float(np.median(steps / gaps)) if timed else np.nan
 
 
 def _speed(flight: Flight) -> Iterator[str]:
     if (speed := _median_speed(flight)) > MAX_MEDIAN_SPEED:
-        unit, factor = _SMALLER[speed <= 300]
+        # What leaves about a walk in about a room.
+        usual = np.array(
+            (speed / USUAL[0], np.ptp(flight.position[flight.located], axis=0).max() / USUAL[1])
+        )
+        unit, factor = min(_SMALLER, key=lambda each: np.abs(np.log(usual * each[1])).sum())
         yield Doubt(
             f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "
             "write metres and seconds",
@@ -143,7 +149,7 @@ def _heights(flight: Flight) -> Iterator[str]:
             "heights turned, z pointed down",
             _scaled(-1.0, "height"),
         )
-    elif usual > max(MAX_HEIGHT_RATIO * flight.diagonal, 10):
+    elif flight.origin is None and usual > max(MAX_HEIGHT_RATIO * flight.diagonal, 10):
         unit, factor = _SMALLER[usual <= 300]
         yield Doubt(
             f"the camera is {usual:.4g} m high in half of the frames, over an area of "
@@ -250,8 +256,8 @@ def _stamps(flight: Flight) -> Iterator[str]:
             f"frames come {gap:.3g} s apart and the vehicle moves at {speed:.2g} m/s in half of "
             "them: stamps in milliseconds? write seconds"
         )
-    elif gap < 1e-4:
-        yield f"frames come {gap:.2g} s apart: write stamps in seconds"
+    elif gap < SHORTEST:
+        yield f"frames come {gap:.2g} s apart: stamps in days? write stamps in seconds"
 
 
 def _splits(flight: Flight) -> Iterator[str]:

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from decimal import Decimal
 from pathlib import Path
 
@@ -22,7 +24,7 @@ from trexton.base.progress import shown
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}  # metres
 TIMES = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}  # nanoseconds
 _LATEST = 4_102_444_800 * TIMES["s"]  # the year 2100: stamps since 1970 are of before
-_MISSING = ("", "na", "n/a", "null", "none")
+_MISSING = ("", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "-nan(ind)", "1.#qnan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,7 @@ class TextTable:
         return values
 
     def nanoseconds(self, name: str, unit: str = "s") -> np.ndarray:
-        """``(N,) int64`` stamps, exact: a float of today's Unix time would lose microseconds.
+        """``(N,) int64`` stamps, exact: floats would lose microseconds. Dates count from 1970.
 
         Raises
         ------
@@ -91,6 +93,9 @@ class TextTable:
         """
         stamps = np.empty(len(self), dtype=np.int64)
         for row, text in enumerate(self.texts(name)):
+            if ":" in text:
+                stamps[row] = time_of(f"{self.path}, row {self.rows[row]}", text)
+                continue
             try:
                 stamp = Decimal(text.replace(",", ".")) * TIMES[unit]
                 if not stamp.is_finite():
@@ -117,6 +122,39 @@ class TextTable:
     def _refusal(self, name: str, row: int, expected: str) -> FlightError:
         found = repr(text) if (text := self.cells[name][row].strip()[:40]) else "empty"
         return FlightError(f"{self.path}, row {self.rows[row]}: {name} is {found}: {expected}")
+
+
+def time_of(where: object, text: str, fraction: str = "") -> int:
+    """Nanoseconds since 1970 of an EXIF time such as ``2013:06:04 13:37:29``, or one of ISO 8601.
+
+    It is taken as UTC where it tells no zone; zero where a camera without a clock wrote it. An
+    hour 24 is that after midnight of the same date, as phones mean it.
+
+    Parameters
+    ----------
+    fraction : str
+        Digits behind the seconds.
+
+    Raises
+    ------
+    FlightError
+        It is no time, or beyond the year 2262.
+    """
+    if not text.strip(" 0:"):
+        return 0
+    try:
+        date, clock = text.strip()[:10], re.sub(r"^(\D)24:", r"\g<1>00:", text.strip()[10:])
+        moment = datetime.fromisoformat(date.replace(":", "-") + clock)
+        moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+        stamp = round(moment.timestamp() * 1e6) * 1000
+        stamp += int(f"{fraction:0<9}"[:9]) if fraction else 0
+        if abs(stamp) < 2**63:
+            return stamp
+    except ValueError:
+        pass
+    raise FlightError(
+        f"{where}: {text[:40]!r} is no time: expected one such as 2013:06:04 13:37:29"
+    )
 
 
 def is_number(text: str) -> bool:

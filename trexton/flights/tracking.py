@@ -13,12 +13,13 @@ import numpy as np
 from trexton.flights.flight import Flight, area_around
 
 FEWEST = 5  # positions from which on a flight has speeds of its own
-WINDOW = 9  # steps over whose median a speed is sustained
+WINDOW = 5  # positions whose median is a place, and steps over whose median a speed is sustained
 JUMP = 4.0  # times the top sustained speed: no vehicle goes from one row to the next so fast
 FROZEN = 3  # equal rows in sequence
 LEAVES = 2.0  # times the top sustained speed by which a frozen pose is left
 LONGEST = 0.3  # of the rows: where more seem lost it is the flight that jumps
 SMALLEST = 0.05  # metres: what is nearer is noise
+MOST_PIECES = 1000  # between jumps, back to which a way is looked for
 NAMED = 12  # ranges of frames that are told one by one
 
 Lost = tuple[str, np.ndarray]
@@ -89,15 +90,25 @@ def _top_speed(time: np.ndarray, position: np.ndarray) -> float:
     single = count[np.reshape(inverse, -1)] == 1
     if single.sum() < max(FEWEST, len(time) / 2):
         single[:] = True
-    steps = np.hypot(*np.diff(position[single], axis=0).T) / np.diff(time[single])
-    width = min(WINDOW, len(steps))
-    sustained = np.median(np.lib.stride_tricks.sliding_window_view(steps, width), axis=1)
-    return float(np.quantile(sustained, 0.95))
+    time, position = time[single], position[single]
+    noise = float(np.quantile(_speeds(time, position), 0.6))  # which medians would not show
+    if len(time) >= 3 * WINDOW:  # else a row that is lost in a few makes two steps of them
+        position, time = _medians(position, WINDOW), time[WINDOW // 2 : -(WINDOW // 2)]
+    speeds = _speeds(time, position)
+    return max(noise, float(np.quantile(_medians(speeds, min(WINDOW, len(speeds))), 0.95)))
+
+
+def _speeds(time: np.ndarray, position: np.ndarray) -> np.ndarray:
+    return np.asarray(np.hypot(*np.diff(position, axis=0).T) / np.diff(time))
+
+
+def _medians(values: np.ndarray, width: int) -> np.ndarray:
+    return np.median(np.lib.stride_tricks.sliding_window_view(values, width, axis=0), axis=-1)
 
 
 def _frozen(time: np.ndarray, pose: np.ndarray, top: float) -> np.ndarray:
     """Rows of a sequence of equal poses, but its first, that is left by a jump: whoever hovers
-    leaves slowly.
+    leaves slowly. At the start of the flight its last is kept.
     """
     scale = np.maximum(np.abs(pose).max(axis=0), 1.0)
     equal = (np.abs(np.diff(pose, axis=0)) <= 1e-9 * scale).all(axis=1)
@@ -110,10 +121,11 @@ def _frozen(time: np.ndarray, pose: np.ndarray, top: float) -> np.ndarray:
             continue  # what lies elsewhere is found by its jump
         if last + 1 < len(time):
             step = np.hypot(*(pose[last + 1, :2] - pose[last, :2]))
-            left = step > max(LEAVES * top * (time[last + 1] - time[last]), SMALLEST)
+            share = LEAVES if first else 0.5  # whoever takes off is slow at first
+            left = step > max(share * top * (time[last + 1] - time[last]), SMALLEST)
         else:  # to the end: whoever lands slows down before
             left = entered > max(top * before / 2, SMALLEST)
-        result[first + 1 : last + 1] = left
+        result[first + (first > 0) : last + (first > 0)] = left
     return result
 
 
@@ -128,11 +140,13 @@ def _longest_chain(time: np.ndarray, position: np.ndarray, fastest: float) -> np
     size = last - first + 1
     total, before = size.copy(), np.full(len(first), -1)
     for piece in range(1, len(first)):
-        apart = np.hypot(*(position[first[piece]] - position[last[:piece]]).T)
-        near = apart <= np.maximum(fastest * (time[first[piece]] - time[last[:piece]]), SMALLEST)
-        near[piece - 1] = False  # there it jumped
+        since = max(0, piece - MOST_PIECES)
+        earlier = last[since:piece]
+        apart = np.hypot(*(position[first[piece]] - position[earlier]).T)
+        near = apart <= np.maximum(fastest * (time[first[piece]] - time[earlier]), SMALLEST)
+        near[-1] = False  # there it jumped
         if near.any():
-            best = int(np.where(near, total[:piece], 0).argmax())
+            best = since + int(np.where(near, total[since:piece], 0).argmax())
             total[piece], before[piece] = total[best] + size[piece], best
     chain, piece = [], int(total.argmax())
     while piece >= 0:

@@ -78,6 +78,11 @@ def _check_size(source: object, size: tuple[float, float]) -> None:
         )
 
 
+def cut_short(data: bytes) -> bool:
+    """Whether they are of a truncated JPEG: OpenCV fills the rest with grey and says nothing."""
+    return data[:2] == b"\xff\xd8" and not (b"\xff\xd9" in data[-64:] or _jpeg_ends(data))
+
+
 def _jpeg_ends(data: bytes) -> bool:
     """Whether the picture in a JPEG file has its end, whatever a camera wrote behind it."""
     place = 2
@@ -138,6 +143,17 @@ def read_image(path: str | os.PathLike[str]) -> np.ndarray:
         raise ImageError(f"{path}: {error}: record or copy it again") from None
 
 
+def size_of(file: Path) -> tuple[int, int]:
+    """Width and height of an image as it is read, by an eighth of it: in a fifth of the time."""
+    data = checked_bytes(file)
+    small, declared = decode(data, cv2.IMREAD_REDUCED_GRAYSCALE_8), declared_size(data)
+    if cut_short(data) or small is None or declared is None or small.shape[0] == small.shape[1]:
+        height, width = read_image(file).shape[:2]
+        return width, height
+    wide = small.shape[1] > small.shape[0]  # as it is turned by EXIF
+    return (max(declared), min(declared)) if wide else (min(declared), max(declared))
+
+
 def decode_image(data: bytes) -> np.ndarray:
     """``(H, W, 3) uint8`` Y, U, V of the bytes of an image file.
 
@@ -146,11 +162,10 @@ def decode_image(data: bytes) -> np.ndarray:
     ImageError
         They are no image, or end too soon.
     """
-    # OpenCV fills the missing part of a truncated JPEG with grey and says nothing.
-    truncated = data[:2] == b"\xff\xd8" and not (b"\xff\xd9" in data[-64:] or _jpeg_ends(data))
-    image = None if truncated else decode(data)
+    cut = cut_short(data)
+    image = None if cut else decode(data)
     if image is None:
-        fault = "the file is cut short" if truncated else "not an image that OpenCV can decode"
+        fault = "the file is cut short" if cut else "not an image that OpenCV can decode"
         raise ImageError(f"{fault} ({len(data)} bytes)")
     return yuv_from_bgr(image)
 

@@ -220,7 +220,7 @@ def prepare_flights(folder: Path, quick: bool = False) -> Prepared:
             prepared.absent[_REAL] = str(error)
             raise
 
-    code = labelled("module", code_hashes("trexton.flights.cyberzoo"))
+    code = labelled("module", code_hashes("trexton.companion.public_flights"))
     files = labelled("file", {key: canonical_json(one) for key, one in raw_files(_REAL).items()})
     _make([_step(real, code | files, fetch_real)], folder, prepared)
     if not (quick and not prepared.absent):

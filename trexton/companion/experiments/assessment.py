@@ -24,9 +24,11 @@ from trexton.companion.experiments.advice import (
 )
 from trexton.companion.experiments.declaration import Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
+    constant_guess,
     floor_picture,
     frames_of,
     neighbor_means,
+    shuffled_neighbors,
     whereabouts,
 )
 from trexton.companion.experiments.rates import of_frames
@@ -41,7 +43,7 @@ from trexton.companion.experiments.style import (
 )
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import middle
-from trexton.evaluation.metrics import constant_guess, euclidean, shuffled_neighbors, summarize
+from trexton.evaluation.metrics import euclidean, summarize
 from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer

@@ -222,3 +222,15 @@ def floor_picture(flight: Flight) -> tuple[dict[str, Any], dict[str, Any]]:
         return {}, {}
     extent, picture = map_picture(flight.floor, 700)
     return {"floor": extent}, {"floor": picture}
+
+
+def constant_guess(train: np.ndarray, count: int) -> np.ndarray:
+    """``(count, 2)`` the mean training position: the baseline that knows nothing but the area."""
+    return np.tile(np.nanmean(train, axis=0), (count, 1))
+
+
+def shuffled_neighbors(
+    positions: np.ndarray, count: int, k: int, *, rng: np.random.Generator
+) -> np.ndarray:
+    """``(count, 2)`` means of k random training positions: the k-NN with shuffled histograms."""
+    return positions[rng.integers(len(positions), size=(count, k))].mean(axis=1)

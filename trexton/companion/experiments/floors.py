@@ -22,10 +22,10 @@ from trexton.base.options import Options, option
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SeedParameters
-from trexton.companion.experiments.evaluation import frames_of
+from trexton.companion.experiments.evaluation import constant_guess, frames_of
 from trexton.companion.experiments.rates import mean_over_groups
 from trexton.companion.experiments.track import fly
-from trexton.evaluation.metrics import constant_guess, euclidean, mean_with_interval
+from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.evaluation.suitability import local_losses
 from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight

@@ -16,6 +16,7 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
     RUNS,
+    constant_guess,
     drift,
     errors_of,
     floor_picture,
@@ -23,6 +24,7 @@ from trexton.companion.experiments.evaluation import (
     frames_of,
     lag,
     map_of,
+    shuffled_neighbors,
     whereabouts,
 )
 from trexton.companion.experiments.style import COLORS, joined_plan
@@ -30,9 +32,7 @@ from trexton.companion.experiments.track import Track, tracks
 from trexton.companion.wording import beside, interval, middle, number, percent
 from trexton.evaluation.metrics import (
     absolute_errors,
-    constant_guess,
     mean_with_interval,
-    shuffled_neighbors,
     summarize,
 )
 from trexton.flights.flight import Flight

@@ -11,9 +11,9 @@ from trexton.base.errors import DataError
 from trexton.base.records import Record
 from trexton.companion.experiments import baselines
 from trexton.companion.experiments.declaration import Experiment
+from trexton.companion.public_flights import read_ble
 from trexton.companion.wording import percent
 from trexton.flights.flight import Flight
-from trexton.flights.importers.signals import read_ble
 from trexton.flights.registry import locate
 
 GRID_FILTER_CM = 176.0  # mean error of a Gaussian process a receiver with a grid filter

@@ -27,8 +27,8 @@ _MESSAGES = {
 _NUMBER = r"([-+]?\d+(?:\.\d+)?)"
 # DJI's two ways; the first gives longitude before latitude.
 _GPS = re.compile(rf"GPS\s*\({_NUMBER},\s*{_NUMBER}")
-_PLACE = re.compile(rf"latitude\s*:\s*{_NUMBER}.*?long?i?tude\s*:\s*{_NUMBER}", re.S)
-_HEIGHT = re.compile(rf"(?:rel_alt\s*:|\bH)\s*{_NUMBER}")
+_PLACE = re.compile(rf"latitude\s*:\s*{_NUMBER}.*?longt?itude\s*:\s*{_NUMBER}", re.S)
+_HEIGHT = re.compile(rf"(?:rel_alt\s*:|\bH|BAROMETER\s*:)\s*{_NUMBER}")
 _CLOCK = re.compile(r"(\d{1,6}):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 
 

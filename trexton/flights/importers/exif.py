@@ -1,32 +1,39 @@
 """What a photograph says of itself in EXIF and XMP: place, height, attitude and time.
 
-`read_shot` reads a file; `time_of` reads a time as cameras write it.
+`read_shot` reads a file.
 """
 
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from trexton.base.errors import FlightError
+from trexton.flights.importers.axes import AXES, attitude_from_quaternions
+from trexton.flights.tables import time_of
 
 _GPS, _DETAILS = 0x8825, 0x8769  # EXIF directories
 # When it was taken, when the file was changed, and the parts of a second of each.
 _TAKEN = ((0x9003, 0x9291), (0x0132, 0x9290))
+_PARTS = ("Yaw", "Pitch", "Roll")
 _UNKNOWN = (np.nan, np.nan, np.nan)
 # Heights above the place of take-off or the ground (DJI and Autel; senseFly, Parrot and Pix4D), and
-# roll, pitch and yaw of the camera in degrees, with what makes of the pitch 0 straight down.
+# angles in degrees: what yaw, pitch and roll turn, as in `AXES`. At 0 a camera looks ahead or down.
 _HEIGHTS = ("RelativeAltitude", "AboveGroundAltitude")
+_AHEAD = np.array([[0.0, 0, -1], [1, 0, 0], [0, -1, 0]])
 _ANGLES = (
-    (("GimbalRollDegree", "GimbalPitchDegree", "GimbalYawDegree"), 90.0),  # DJI, Autel
-    (("CameraRollDegree", "CameraPitchDegree", "CameraYawDegree"), 90.0),  # Parrot
-    (("Camera:Roll", "Camera:Pitch", "Camera:Yaw"), 0.0),  # senseFly, Pix4D
+    ("Gimbal{}Degree", _AHEAD),  # DJI, Autel
+    ("Camera{}Degree", _AHEAD),  # Parrot
+    ("Camera:{}", AXES["frd"]),  # senseFly, Pix4D
+    ("Flight{}Degree", AXES["frd"]),  # of the vehicle, where the camera's are not told
+    ("Drone{}Degree", AXES["frd"]),
 )
+_NORTH_EAST_DOWN = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
 @dataclass(frozen=True)
@@ -65,13 +72,7 @@ class Shot:
 
 
 def read_shot(path: Path) -> Shot:
-    """What EXIF and XMP tell; where they tell no place, the time alone.
-
-    Raises
-    ------
-    FlightError
-        Its time is none.
-    """
+    """What EXIF and XMP tell; where they tell no place, the time alone."""
     from PIL import Image, UnidentifiedImageError
 
     try:
@@ -88,7 +89,8 @@ def read_shot(path: Path) -> Shot:
         known = next((table for table in (details, exif) if moment in table), None)
         if known is not None:
             fraction = re.match(r"\d*", str(details.get(part, "")).strip())
-            taken = time_of(path, _text(known[moment]), fraction[0] if fraction else "")
+            with suppress(FlightError):  # no time: as if the camera had no clock
+                taken = time_of(path, _text(known[moment]), fraction[0] if fraction else "")
             break
     try:
         latitude, longitude = _degrees(gps[2], gps[1], "S"), _degrees(gps[4], gps[3], "W")
@@ -117,51 +119,25 @@ def _degrees(parts: Any, side: Any, negative: str) -> float:
 def _values(xmp: bytes) -> dict[str, float]:
     """The numbers in XMP by their names without the maker, as attributes or elements."""
     text = xmp.decode("utf-8", "replace")
-    found = re.findall(r"([\w-]+):(\w+)(?:\s*=\s*[\"']|>)\s*([-+]?\d+(?:\.\d+)?)", text)
+    number = r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)(?:/(\d+))?"  # Parrot writes fractions
+    found = re.findall(rf"([\w-]+):(\w+)(?:\s*=\s*[\"']|>)\s*{number}", text)
     return {
-        f"Camera:{name}" if name in ("Roll", "Pitch", "Yaw") else name: float(value)
-        for space, name, value in found
-        if space == "Camera" or name not in ("Roll", "Pitch", "Yaw")
-    }
+        f"Camera:{name}" if name in _PARTS else name:
+            float(above.replace(",", ".")) / (float(below or 1) or np.nan)
+        for space, name, above, below in found
+        if space == "Camera" or name not in _PARTS
+    }  # fmt: skip
 
 
 def _attitude(values: dict[str, float]) -> tuple[float, float, float]:
     """Roll, pitch, yaw; a compass counts clockwise from north, where y points."""
-    for names, level in _ANGLES:
-        if all(name in values for name in names[1:]):
-            roll, pitch, yaw = (values.get(name, 0.0) for name in names)
-            if abs(pitch + level) < 5 and abs(abs(roll) - 180) < 1:
-                roll, yaw = 0.0, yaw + 180  # a gimbal turned over, which looks down as well
-            return np.radians(roll), np.radians(pitch + level), -np.radians(yaw)
+    from scipy.spatial.transform import Rotation
+
+    for name, axes in _ANGLES:
+        yaw, pitch, roll = (values.get(name.format(part)) for part in _PARTS)
+        if yaw is not None and pitch is not None:
+            turn = Rotation.from_euler("ZYX", (yaw, pitch, roll or 0.0), degrees=True)
+            turn = Rotation.from_matrix(_NORTH_EAST_DOWN) * turn
+            attitude = attitude_from_quaternions(turn.as_quat(), axes)[0]
+            return float(attitude[0]), float(attitude[1]), float(attitude[2])
     return _UNKNOWN
-
-
-def time_of(path: Path, text: str, fraction: str = "") -> int:
-    """Nanoseconds since 1970 of an EXIF time such as ``2013:06:04 13:37:29``, or one of ISO 8601.
-
-    It is taken as UTC where it tells no zone; zero where a camera without a clock wrote it. An
-    hour 24 is that after midnight of the same date, as phones mean it.
-
-    Parameters
-    ----------
-    fraction : str
-        Digits behind the seconds.
-
-    Raises
-    ------
-    FlightError
-        It is no time, or beyond the year 2262.
-    """
-    if not text.strip(" 0:"):
-        return 0
-    try:
-        date, clock = text.strip()[:10], re.sub(r"^(\D)24:", r"\g<1>00:", text.strip()[10:])
-        moment = datetime.fromisoformat(date.replace(":", "-") + clock)
-        moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-        stamp = round(moment.timestamp() * 1e6) * 1000
-        stamp += int(f"{fraction:0<9}"[:9]) if fraction else 0
-        if abs(stamp) < 2**63:
-            return stamp
-    except ValueError:
-        pass
-    raise FlightError(f"{path}: {text[:40]!r} is no time: expected one such as 2013:06:04 13:37:29")

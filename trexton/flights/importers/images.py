@@ -11,12 +11,11 @@ import cv2
 import numpy as np
 
 from trexton.base.errors import ParameterError
-from trexton.base.pictures import declared_size, decode
 from trexton.base.progress import progress
 from trexton.flights.frames import Forward, ImageFiles
 from trexton.flights.importers.recording import Recording
 from trexton.vision.camera import Rectification
-from trexton.vision.images import bgr_from_yuv, checked_bytes, read_image
+from trexton.vision.images import bgr_from_yuv, size_of
 
 QUALITY = 95  # of JPEG files that are written anew
 
@@ -25,7 +24,7 @@ def of_one_size(recording: Recording) -> Recording:
     """The frames whose image is of the size of most, and a sentence where others are left out."""
     if not isinstance(frames := recording.frames, ImageFiles):
         return recording
-    sizes = [_size(file) for file in progress(frames.files, "sizes")]
+    sizes = [size_of(file) for file in progress(frames.files, "sizes")]
     width, height = usual = Counter(sizes).most_common(1)[0][0]
     others = [row for row, size in enumerate(sizes) if size != usual]
     if not others:
@@ -82,17 +81,6 @@ def _crop(text: str, size: tuple[int, int]) -> tuple[int, int, int, int]:
     if min(x, y) < 0 or min(width, height) < 1 or x + width > size[0] or y + height > size[1]:
         raise ParameterError(f"crop {text}: the images are {size[0]}x{size[1]} pixels")
     return x, y, width, height
-
-
-def _size(file: Path) -> tuple[int, int]:
-    """Width and height of an image as it is read, by an eighth of it: in a fifth of the time."""
-    data = checked_bytes(file)
-    small, declared = decode(data, cv2.IMREAD_REDUCED_GRAYSCALE_8), declared_size(data)
-    if small is None or declared is None or small.shape[0] == small.shape[1]:
-        height, width = read_image(file).shape[:2]
-        return width, height
-    wide = small.shape[1] > small.shape[0]  # as it is turned by EXIF
-    return (max(declared), min(declared)) if wide else (min(declared), max(declared))
 
 
 def _calibration(path: Path, frames: ImageFiles | Forward, size: tuple[int, int]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import axes_option
-from trexton.flights.importers.recording import NANO, Recording
+from trexton.flights.importers.recording import NANO, Recording, spread
 from trexton.flights.importers.tracks import TUM, TrackColumns, trajectory_names
 from trexton.flights.tables import TextTable, is_number, read_table
 from trexton.vision.calibration import read_calibration
@@ -54,7 +54,12 @@ class Euroc:
         sensor = folder / "sensor.yaml"
         camera = read_calibration(sensor)[0] if sensor.is_file() else None
         positions = read_table(root / found / "data.csv")
-        track, said = _asl_columns(positions, settings.axes).of(positions)
+        if len(names := positions.header) < 4:
+            raise FlightError(f"{positions.path}: {len(names)} columns: expected stamp, x, y, z")
+        turn = ",".join((*names[5:8], names[4]) if len(names) >= 8 else ())  # written w, x, y, z
+        place = TrackColumns(names[0], names[1], names[2], names[3], time_unit="ns")
+        columns = replace(place, quaternion=turn, axes=settings.axes)
+        track, said = columns.of(positions)
         return Recording(
             table.nanoseconds("stamp", "ns"),
             track,
@@ -67,16 +72,6 @@ class Euroc:
 
 def _mav(source: Path) -> Path:
     return source / "mav0" if (source / "mav0").is_dir() else source
-
-
-def _asl_columns(table: TextTable, axes: str) -> TrackColumns:
-    names = table.header
-    if len(names) < 4:
-        raise FlightError(f"{table.path}: {len(names)} columns: expected stamp, x, y, z")
-    turn = ",".join((*names[5:8], names[4]) if len(names) >= 8 else ())  # written w, x, y, z
-    return TrackColumns(
-        names[0], names[1], names[2], names[3], quaternion=turn, axes=axes, time_unit="ns"
-    )
 
 
 class Tum:
@@ -178,10 +173,15 @@ class Table:
             raise FlightError(
                 f"{source}: no row of column {settings.image!r} names an image: name them"
             )
-        track, said = settings.of(table)
+        stamps, rounded = table.nanoseconds(settings.time, settings.time_unit), []
+        if 1 < len(different := np.unique(stamps)) < len(stamps) / 2:
+            step = int(np.diff(different).min())
+            stamps = spread(stamps, step)
+            rounded = [f"{source}: stamps of {step / NANO:g} s, the rows of each spread over it"]
+        track, said = settings.of(table, stamps)
         files = ImageFiles(tuple(source.parent / name for name in names[pictured]))
-        stamps = table.nanoseconds(settings.time, settings.time_unit)[pictured]
-        return Recording(stamps, track, files, source=f"table {source.name}", said=said)
+        name = f"table {source.name}"
+        return Recording(stamps[pictured], track, files, source=name, said=rounded + said)
 
 
 class Features:

@@ -19,6 +19,9 @@ from trexton.flights.tables import LENGTHS, TextTable
 _UNITS = {"meters": "m", "metres": "m", "centimeters": "cm", "millimeters": "mm"}
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?")
 
+# Tables of Vicon's that hold positions, the best first.
+_VICON = ("objects", "segments", "trajectories", "model outputs")
+
 Row = list[str]
 
 
@@ -64,7 +67,7 @@ def read_motion_capture(
     except (LookupError, ValueError, StopIteration, csv.Error) as error:
         raise FlightError(
             f"{path}: begins as an export of motion capture, but its head cannot be read "
-            f"({error}): export rigid bodies with their header"
+            f"({error or 'no row names columns'}): export rigid bodies with their header"
         ) from None
     names = [name for name in export.bodies if body in ("", name)]
     if len(names) != 1:
@@ -112,8 +115,11 @@ def _motive(rows: list[Row]) -> _Export:
 
 
 def _vicon(rows: list[Row]) -> _Export:
-    """Rate, names over their first column, axes, units: a row each."""
-    rate, names, axes, units = float(rows[1][0]), rows[2], rows[3], rows[4]
+    """Rate, names over their first column, axes, units: a row each, in each of several tables."""
+    begins = {row[0].lower(): number for number, row in enumerate(rows)
+              if row and not any(row[1:])}  # fmt: skip
+    begin = next(begins[kind] for kind in _VICON if kind in begins)
+    (rate, *_), names, axes, units = rows[begin + 1 : begin + 5]
     bodies: dict[str, dict[str, int]] = {}
     name = ""
     for place in range(2, len(axes)):
@@ -128,12 +134,12 @@ def _vicon(rows: list[Row]) -> _Export:
     settings["unit"] = units[known[settings["x"]]].strip()
     if settings["unit"] not in LENGTHS:
         raise ValueError(f"unit {settings['unit']!r}")
-    said = f", {rate:g} frames a second"
+    said = f", {rate} frames a second"
     if "RW" in known:
         settings["quaternion"] = "RX,RY,RZ,RW"
     elif "RX" in known:
         said += "; its angles are left out, export quaternions"
-    return _Export(bodies, 5, settings, said, rate)
+    return _Export(bodies, begin + 5, settings, said, float(rate))
 
 
 def _qualisys(rows: list[Row]) -> _Export:
@@ -167,5 +173,5 @@ def _qualisys(rows: list[Row]) -> _Export:
 _FORMATS: dict[str, Callable[[list[Row]], _Export]] = {
     "format version": _motive,
     **dict.fromkeys(("no_of_frames", "file_version"), _qualisys),
-    **dict.fromkeys(("objects", "segments", "model outputs", "trajectories"), _vicon),
+    **dict.fromkeys(("devices", *_VICON), _vicon),
 }

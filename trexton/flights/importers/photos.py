@@ -20,13 +20,21 @@ from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.autopilot import read_log
 from trexton.flights.importers.axes import camera_attitude
-from trexton.flights.importers.exif import Shot, read_shot, time_of
-from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside, local_metres
-from trexton.flights.tables import read_table
+from trexton.flights.importers.exif import Shot, read_shot
+from trexton.flights.importers.recording import (
+    NANO,
+    PoseTrack,
+    Recording,
+    beside,
+    local_metres,
+    spread,
+)
+from trexton.flights.tables import read_table, time_of
 from trexton.vision.images import natural_order
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 OTHERS = (".heic", ".heif", ".avif", ".webp", ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw")
+_NEAR = 100 / 6371  # radii of the Earth
 _BAND = re.compile(r"[_-](\d{1,2}|[A-Za-z]{2,6})$")  # ends the names of multispectral bands
 
 
@@ -77,7 +85,7 @@ def read(source: Path, settings: Settings) -> Recording:
         stamps = _stamps(known)
         track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
     else:
-        shots = _from_table(path, files) if named else _from_exif(files)
+        shots = _from_table(path, files) if named else {file: read_shot(file) for file in files}
         known, words = _located(source, path if named else None, files, shots)
         track, words_of_heights = _track([shots[file] for file in known], settings.ground)
         words += words_of_heights
@@ -99,10 +107,19 @@ def _located(
     how many are without.
     """
     placed = [file for file in files if file in shots and shots[file].located]
-    fixed = [file for file in placed if shots[file].fixed]
+    dated = [file for file in placed if table or shots[file].time_ns]
     said = _left_out(len(files) - len(placed))
+    if placed and not dated:
+        said.append("photographs without a time: taken as one a second, by their names")
+    elif undated := len(placed) - len(dated):
+        said.append(f"photographs without a time that can be read, left out: {undated}")
+        placed = dated
+    fixed = [file for file in placed if shots[file].fixed]
     if unfixed := len(placed) - len(fixed):
         said.append(f"photographs without a fix, at 0, 0, left out: {unfixed}")
+    if fixed and not (near := _near([shots[file] for file in fixed])).all():
+        said.append(f"photographs more than 100 km from the others, left out: {(~near).sum()}")
+        fixed = [file for file, each in zip(fixed, near, strict=True) if each]
     if len(fixed) < 3:
         how = "by GPS in their EXIF or by a table named with --positions"
         if table is not None:
@@ -114,6 +131,14 @@ def _located(
     known, bands = _without_bands(fixed, shots)
     # Equal ones stay in order of names.
     return sorted(known, key=lambda file: shots[file].time_ns), said + bands
+
+
+def _near(shots: list[Shot]) -> np.ndarray:
+    """Which places are within some 100 km of where most are: one projection serves no others."""
+    latitude, longitude = np.radians([(shot.latitude, shot.longitude) for shot in shots]).T
+    across = np.cos(latitude) * np.exp(1j * longitude)
+    globe = np.column_stack([across.real, across.imag, np.sin(latitude)])
+    return np.linalg.norm(globe - np.median(globe, axis=0), axis=1) < _NEAR
 
 
 def _track(shots: list[Shot], ground: float | None) -> tuple[PoseTrack, list[str]]:
@@ -134,7 +159,7 @@ def _track(shots: list[Shot], ground: float | None) -> tuple[PoseTrack, list[str
         ]
     attitude = np.array([shot.attitude for shot in shots], dtype=float)
     return PoseTrack(
-        _spread([shot.time_ns for shot in shots]),
+        _by_the_second([shot.time_ns for shot in shots]),
         np.column_stack([place, height]),
         attitude if np.isfinite(attitude).any() else None,
         origin,
@@ -146,7 +171,7 @@ def _without_bands(files: list[Path], shots: dict[Path, Shot]) -> tuple[list[Pat
 
     def shutter(file: Path) -> tuple[Any, ...]:
         shot = shots[file]
-        return shot.time_ns, shot.latitude, shot.longitude
+        return shot.time_ns, shot.latitude, shot.longitude, "" if shot.time_ns else file.name
 
     groups = [list(each) for _, each in groupby(sorted(files, key=shutter), key=shutter)]
     usual, often = Counter(map(len, groups)).most_common(1)[0]
@@ -190,33 +215,17 @@ def _from_table(path: Path, files: list[Path]) -> dict[Path, Shot]:
     }  # fmt: skip
 
 
-def _from_exif(files: list[Path]) -> dict[Path, Shot]:
-    shots = {file: shot for file in files if (shot := read_shot(file)).located}
-    undated = [file for file, shot in shots.items() if not shot.time_ns]
-    if undated and len(undated) < len(shots):
-        raise FlightError(
-            f"{undated[0]}: no time in its EXIF, where other photographs have one: leave it "
-            "out, or name a table with --positions"
-        )
-    return shots
-
-
 def _stamps(files: list[Path]) -> np.ndarray:
-    return _spread([read_shot(file).time_ns for file in files])
+    taken = [read_shot(file).time_ns for file in files]
+    if any(taken) and not all(taken):
+        raise FlightError(f"{files[taken.index(0)]}: no time can be read in its EXIF: leave it out")
+    return _by_the_second(taken)
 
 
-def _spread(taken: list[int]) -> np.ndarray:
-    """Stamps of whole seconds are shared by photographs in a burst: they are spread over it. A
-    camera without a clock takes one a second.
-    """
+def _by_the_second(taken: list[int]) -> np.ndarray:
+    """Photographs of one second are spread over it; a camera without a clock takes one a second."""
     stamps = np.array(taken, dtype=np.int64)
-    if not stamps.any():
-        return np.arange(len(stamps), dtype=np.int64) * NANO
-    result = stamps.copy()
-    for stamp in np.unique(stamps):
-        same = np.flatnonzero(stamps == stamp)
-        result[same] += np.arange(len(same)) * NANO // len(same)
-    return result
+    return spread(stamps) if stamps.any() else np.arange(len(stamps), dtype=np.int64) * NANO
 
 
 def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] | None:

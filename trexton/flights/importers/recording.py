@@ -85,6 +85,11 @@ class PoseTrack:
         against = np.flatnonzero(apart > max(SAME_PLACE, 2 * usual))
         wrong = np.isin(group, group[against])
         kept = np.isin(np.arange(len(order)), first) & ~wrong
+        if not kept.any():
+            raise FlightError(
+                f"{where}: {len(order)} rows of positions, each stamp at several places: name the "
+                "column of the stamps, or count them on"
+            )
         said = []
         if back := int((np.diff(self.time_ns) < 0).sum()):
             said.append(f"{where}: {back} rows of positions out of order, sorted by their stamps")
@@ -191,6 +196,15 @@ def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray
     # Not low + share * (high - low): a NaN on the side that does not count must not spread.
     mixed = np.where(share[:, None] > 0, share[:, None] * high, 0.0)
     return np.where(share[:, None] < 1, (1 - share[:, None]) * low, 0.0) + mixed
+
+
+def spread(stamps: np.ndarray, step: int = NANO) -> np.ndarray:
+    """Rounded stamps in nanoseconds, those of a burst, which are equal, spread over a `step`."""
+    result = stamps.copy()
+    for stamp in np.unique(stamps):
+        same = np.flatnonzero(stamps == stamp)
+        result[same] += np.arange(len(same)) * step // len(same)
+    return result
 
 
 def beside(folder: Path, name: str) -> Path:

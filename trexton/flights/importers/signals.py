@@ -11,11 +11,8 @@ import numpy as np
 
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
-from trexton.flights.flight import Flight, area_around
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording
 from trexton.flights.tables import is_number, read_table
-
-PAUSE_S = 60.0  # between walks of the Bluetooth data, which were not recorded in this order
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class Settings(Options):
 
 
 @dataclass(frozen=True, eq=False)
-class _Log:
+class Log:
     """Readings: ``(R,)`` stamps in seconds, sources and values, ``(R, 3)`` positions or NaN."""
 
     time: np.ndarray
@@ -40,7 +37,7 @@ class _Log:
     position: np.ndarray
 
     @classmethod
-    def of(cls, path: Path, columns: str) -> _Log:
+    def of(cls, path: Path, columns: str) -> Log:
         """With these columns where the log has no header."""
         headless = is_number(read_text(path).partition(",")[0])
         table = read_table(path, columns.split(",") if headless else ())
@@ -53,8 +50,8 @@ class _Log:
         return cls(time[good], np.array(table.texts("source"))[good], value[good], position[good])
 
 
-def _frames(
-    log: _Log, sources: np.ndarray, settings: Settings
+def frames_of(
+    log: Log, sources: np.ndarray, settings: Settings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of each bin with a reading: ``(N,)`` seconds, ``(N, K)`` values, ``(N, 3)`` positions."""
     start = log.time.min()
@@ -84,8 +81,8 @@ def recognises(source: Path) -> bool:
 
 def read(source: Path, settings: Settings) -> Recording:
     """The recording of one log."""
-    log = _Log.of(source, settings.columns)
-    time, values, places = _frames(log, np.unique(log.source), settings)
+    log = Log.of(source, settings.columns)
+    time, values, places = frames_of(log, np.unique(log.source), settings)
     stamps = np.rint(time * NANO).astype(np.int64)
     track = PoseTrack(stamps, places) if np.isfinite(places[:, :2]).any() else None
     said = [
@@ -94,26 +91,3 @@ def read(source: Path, settings: Settings) -> Recording:
     return Recording(
         stamps, track, histograms=values, features="signals", source=f"log {source.name}", said=said
     )
-
-
-def read_ble(*files: Path) -> Flight:
-    """The public Bluetooth walks as one flight: those to train on, then the rectangular ones."""
-    settings = Settings(columns="stamp,source,beacon,value,x,y,z,w0,w1,w2,w3,w4,w5,w6,w7,w8")
-    logs = [_Log.of(path, settings.columns) for path in files]
-    sources, clock, parts = np.unique(np.concatenate([log.source for log in logs])), 0.0, []
-    for log in logs:
-        time, values, places = _frames(log, sources, settings)
-        parts.append((time - time[0] + clock, values, places[:, :2]))
-        clock = parts[-1][0][-1] + PAUSE_S
-    time, values, places = (np.concatenate(column) for column in zip(*parts, strict=True))
-    tested = sum(
-        len(part[0]) for part, path in zip(parts, files, strict=True) if "rect" in path.name
-    )
-    last = len(time) - 1
-    return Flight(
-        name="ble", frame=np.arange(len(time)), time=time, position=places,
-        area=area_around(places), histograms=values, features="signals",
-        split={"train": (0, last - tested), "test": (last - tested + 1, last)},
-        source="https://github.com/philotuxo/Position-Annotated-BLE-RSSI-Dataset (F. S. Danis et "
-        "al., Pervasive and Mobile Computing 81, 2022)", licence="CC0-1.0",
-    )  # fmt: skip

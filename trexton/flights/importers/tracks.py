@@ -62,6 +62,8 @@ class TrackColumns(Options):
         position = LENGTHS[self.unit] * np.column_stack(columns)
         where, lines = str(table.path), table.rows
         if parts := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
+            if [name[-1].lower() for name in parts] == list("wxyz"):  # as they are called
+                parts = [*parts[1:], parts[0]]
             turns = np.column_stack([_column(table, name) for name in parts])
             if len(parts) == 9:
                 turns = _quaternions(turns)

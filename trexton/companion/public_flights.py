@@ -1,16 +1,21 @@
-"""The authors' own flight (TU Delft CyberZoo, June 2016). Two tables become a Flight."""
+"""Public recordings become Flights without images: the authors' own (TU Delft CyberZoo, June 2016),
+and walks with a Bluetooth beacon.
+"""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import numpy as np
 
 from trexton.flights.flight import Flight, area_around
+from trexton.flights.importers.signals import Log, Settings, frames_of
 
 PERIOD_S = 0.08  # Sec. Speed Versus Accuracy: the autopilot software received 12.5 images a second
 # Frame 0 has no histogram, and the last row of the histogram table has no frame.
 FIRST, LAST = 1, 624
+PAUSE_S = 60.0  # between walks of the Bluetooth data, which were not recorded in this order
 
 NOTES = (
     "The authors' program never cleared its histogram: each row carries a trace (1/n) of the row "
@@ -51,4 +56,27 @@ def read_cyberzoo(
         "Croon)",
         licence="GPL-2.0",
         notes=NOTES,
+    )  # fmt: skip
+
+
+def read_ble(*files: Path) -> Flight:
+    """The public Bluetooth walks as one flight: those to train on, then the rectangular ones."""
+    settings = Settings(columns="stamp,source,beacon,value,x,y,z,w0,w1,w2,w3,w4,w5,w6,w7,w8")
+    logs = [Log.of(path, settings.columns) for path in files]
+    sources, clock, parts = np.unique(np.concatenate([log.source for log in logs])), 0.0, []
+    for log in logs:
+        time, values, places = frames_of(log, sources, settings)
+        parts.append((time - time[0] + clock, values, places[:, :2]))
+        clock = parts[-1][0][-1] + PAUSE_S
+    time, values, places = (np.concatenate(column) for column in zip(*parts, strict=True))
+    tested = sum(
+        len(part[0]) for part, path in zip(parts, files, strict=True) if "rect" in path.name
+    )
+    last = len(time) - 1
+    return Flight(
+        name="ble", frame=np.arange(len(time)), time=time, position=places,
+        area=area_around(places), histograms=values, features="signals",
+        split={"train": (0, last - tested), "test": (last - tested + 1, last)},
+        source="https://github.com/philotuxo/Position-Annotated-BLE-RSSI-Dataset (F. S. Danis et "
+        "al., Pervasive and Mobile Computing 81, 2022)", licence="CC0-1.0",
     )  # fmt: skip
