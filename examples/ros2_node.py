@@ -80,7 +80,7 @@ class PositionNode(Node):
         super().__init__("trexton")
         for name, default in PARAMETERS.items():
             self.declare_parameter(name, default)
-        self.process = None
+        self.process = self.reader = None
         self.row, self.heard_at, self.count = None, -math.inf, 0
 
     def value(self, name):
@@ -101,8 +101,9 @@ class PositionNode(Node):
                 command, stdout=subprocess.PIPE, text=True, start_new_session=True
             )
             stream = self.process.stdout
-        self.reader = threading.Thread(target=self.read, args=(stream,), daemon=True)
-        self.reader.start()
+        if command or self.reader is None:  # of standard input there is one reader, for good
+            self.reader = threading.Thread(target=self.read, args=(stream,), daemon=True)
+            self.reader.start()
         return super().on_activate(state)
 
     def on_deactivate(self, state):

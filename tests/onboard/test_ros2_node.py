@@ -208,6 +208,22 @@ def test_a_command_is_run_while_the_node_is_active_and_diagnosed(ros, tmp_path):
     assert node.on_cleanup(None) == node.on_shutdown(None) == "success" and len(node.destroyed) == 3
 
 
+def test_standard_input_has_one_reader_however_often_the_node_is_activated(ros, monkeypatch):
+    """Two threads took lines from one another."""
+    down, up = os.pipe()
+    monkeypatch.setattr(sys, "stdin", os.fdopen(down))
+    node = runpy.run_path(EXAMPLE)["PositionNode"]()
+    node.trigger_configure()
+    node.trigger_activate()
+    reader = node.reader
+    node.on_deactivate(None)
+    node.trigger_activate()
+    assert node.reader is reader
+    os.write(up, json.dumps(row(make_fix(1.0))).encode() + b"\n")
+    assert eventually(lambda: node.count == 1)
+    os.close(up)
+
+
 def test_the_launch_file_gives_each_argument_to_node_or_program(monkeypatch):
     made = {}
 
