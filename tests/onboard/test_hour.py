@@ -148,7 +148,7 @@ def test_at_its_own_pace(tmp_path):
     rows = [json.loads(line) for line in (tmp_path / "log").read_text().splitlines()]
     assert (np.diff([row["time_s"] for row in rows if "x_m" in row]) > 0).all()
     assert summary["frames"] > 0.97 * 12.5 * SECONDS
-    assert summary["dropped"] < 0.02 * summary["frames"]  # what is late, a busy machine says
+    assert summary["dropped"] < 0.05 * summary["frames"]  # what is late, a busy machine says
     assert set(summary["faults"]) <= {"late", "gap"} and memory.growth < 16e6
     sent = autopilot.of("VISION_POSITION_ESTIMATE")
     stamps = 1e-6 * np.array([message.usec for message in sent])
