@@ -201,3 +201,9 @@ def test_figures_draw_what_the_record_holds(record):
 def test_equal_seeds_give_equal_records(record):
     again = run(make_flight(1), make_flight(2), Parameters())
     assert again.values == record.values
+
+
+def test_a_bound_stands_beside_the_same_bound_of_the_centre(record):
+    errors = record.values["errors"]
+    best, centre = (f"{errors[name]['p95_cm']['value']:.3g}" for name in ("field", "centre"))
+    assert f"off by less than {best} cm, and by less than {centre} cm where" in finding(record)

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -94,3 +95,11 @@ def test_figures_draw_the_records_numbers(real):
     np.testing.assert_array_equal(
         drawn["estimate (every 5th frame)"], record.series["estimate_m"][::5]
     )
+
+
+def test_a_large_error_reads_in_metres(real):
+    large = {"value": 5619.0, "low": 5000.0, "high": 6000.0}
+    values = real.values | {"filter": real.values["filter"] | {"mean_cm": large}}
+    said = mocap_training.finding(replace(real, values=values))
+    assert "an error of 56.2 [50, 60] m" in said and "cm" not in said
+    assert " cm, " in mocap_training.finding(real)

@@ -29,7 +29,7 @@ from trexton.companion.experiments.declaration import POSITIONS, Experiment, Map
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.style import COLORS, canvas, plain_log_ticks
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import interval, middle, percent
+from trexton.companion.wording import METRES_FROM, distance, middle, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.field.features import is_counted
 from trexton.flights.flight import Flight
@@ -238,23 +238,29 @@ def finding(record: Record) -> str:
 def verdict(values: Mapping[str, Any]) -> str:
     """Whether the field is worth its lines beside the best of the simple methods."""
     best, field = values[values["best"]], values["field"]
+    say = _say(values)
     beats = "beats" if values["ratio"] <= WORTH else "is not a tenth better than"
     return (
         f"Method field {beats} the best simple baseline, the {LABELS[values['best']]}: "
-        f"{interval(field['mean_cm'], 'cm')} against {interval(best['mean_cm'], 'cm')}."
+        f"{say(field['mean_cm'])} against {say(best['mean_cm'])}."
     )
 
 
+def _say(values: Mapping[str, Any]) -> Callable[[Any], str]:
+    """Says every length in one unit, that of the field's error."""
+    return partial(distance, metres=middle(values["field"]["mean_cm"]) >= METRES_FROM)
+
+
 def table(record: Record) -> pd.DataFrame:
-    """Mean error of every method in cm, both ways where the flight was exchanged, and the share of
+    """Mean error of every method, both ways where the flight was exchanged, and the share of
     positions in its 90 % region.
     """
     exchanged, step_ms = record.values["exchanged"], record.timings.get("step_ms", {})
-    rows = []
+    rows, say = [], _say(record.values)
     for name in filter(step_ms.__contains__, LABELS):
-        row = {"method": LABELS[name], "mean error (cm)": interval(record.values[name]["mean_cm"])}
+        row = {"method": LABELS[name], "mean error": say(record.values[name]["mean_cm"])}
         if exchanged:
-            row["exchanged (cm)"] = interval(exchanged[name]["mean_cm"])
+            row["exchanged"] = say(exchanged[name]["mean_cm"])
         row["in the 90 % region"] = percent(record.values[name]["held"])
         rows.append(row | {"CPU (ms a frame)": f"{step_ms[name]:.2g}"})
     return pd.DataFrame(rows)

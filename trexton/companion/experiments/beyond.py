@@ -30,7 +30,7 @@ from trexton.companion.experiments.evaluation import (
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, label_ends
 from trexton.companion.experiments.track import HELD, Track, fly
-from trexton.companion.wording import beside, interval, middle, percent
+from trexton.companion.wording import beside, distance, middle, percent
 from trexton.field.field import Field
 from trexton.field.hypotheses import Hypotheses
 from trexton.field.tracks import TrackFilter
@@ -211,7 +211,7 @@ def finding(record: Record) -> str:
     """What the experiment found, in two sentences."""
     paper, field = record.values["paper"], record.values["field"]
     return (
-        f"The mean error of method field is {interval(field['mean_cm'], 'cm')}, "
+        f"The mean error of method field is {distance(field['mean_cm'])}, "
         f"{beside(record.values['ratio'])} that of the paper's filter. Its 90 % region covers "
         f"{percent(middle(field['held']))} of the frames, the paper's "
         f"{percent(middle(paper['held']))}."

@@ -18,7 +18,7 @@ from trexton.companion.experiments.declaration import POSITIONS, Experiment, Map
 from trexton.companion.experiments.evaluation import errors_of, flown, frames_of, map_of
 from trexton.companion.experiments.style import COLORS, canvas, label_rows, with_intervals
 from trexton.companion.experiments.track import tracks
-from trexton.companion.wording import apart, interval
+from trexton.companion.wording import apart, distance
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 from trexton.localization.training import train_map
@@ -105,7 +105,7 @@ def finding(record: Record) -> str:
     return (
         f"Of {len(others)} choices {len(differing)} differ beyond chance from the paper's on this "
         f"flight. The smallest error, in hindsight, has {best['label']}, with "
-        f"{interval(best['mean_cm'], 'cm')}."
+        f"{distance(best['mean_cm'])}."
     )
 
 

@@ -16,7 +16,7 @@ from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedPa
 from trexton.companion.experiments.evaluation import map_picture
 from trexton.companion.experiments.mosaic import locate_all, stitched_map
 from trexton.companion.experiments.style import COLORS, joined_plan
-from trexton.companion.wording import interval, number
+from trexton.companion.wording import distance, number
 from trexton.evaluation.metrics import summarize
 from trexton.flights.flight import Flight
 
@@ -69,11 +69,11 @@ def finding(record: Record) -> str:
         return "A homography finds no frame on the stitched map."
     missed = f"nothing in {number(mosaic['missing'])} frames"
     text = (
-        f"A homography on the stitched map has an error of {interval(mosaic['mean_cm'], 'cm')} and "
+        f"A homography on the stitched map has an error of {distance(mosaic['mean_cm'])} and "
         f"finds {missed if mosaic['missing'] else 'every frame'}."
     )
     if "tilt_offset_cm" in values:
-        text += f" The camera's tilt alone costs {number(values['tilt_offset_cm'])} cm."
+        text += f" The camera's tilt alone costs {distance(values['tilt_offset_cm'])}."
     return text
 
 

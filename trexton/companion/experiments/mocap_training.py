@@ -29,7 +29,7 @@ from trexton.companion.experiments.evaluation import (
 )
 from trexton.companion.experiments.style import COLORS, joined_plan
 from trexton.companion.experiments.track import Track, tracks
-from trexton.companion.wording import beside, interval, middle, number, percent
+from trexton.companion.wording import beside, distance, middle, number, percent
 from trexton.evaluation.metrics import (
     absolute_errors,
     mean_with_interval,
@@ -153,7 +153,7 @@ def finding(record: Record) -> str:
     values, lag, spread = record.values, record.values["lag"], record.values["spread"]
     error, knn = (middle(values[name]["mean_cm"]) for name in ("filter", "knn"))
     text = (
-        f"The paper's filter has an error of {interval(values['filter']['mean_cm'], 'cm')}, "
+        f"The paper's filter has an error of {distance(values['filter']['mean_cm'])}, "
         f"{beside(error / knn)} the plain mean of its own neighbours."
     )
     if lag["error_cm"] < 0.8 * error:
