@@ -191,3 +191,15 @@ def test_reconstructions_have_positions_and_attitude(tmp_path):
         np.testing.assert_allclose(flight.position, [[i, 2] for i in range(6)], atol=1e-9)
         np.testing.assert_allclose(flight.height, 5)
         np.testing.assert_allclose(flight.attitude, 0, atol=1e-9)
+
+
+def test_of_pairs_of_two_sizes_the_larger_is_kept(tmp_path):
+    from PIL import Image
+
+    source = photos(tmp_path / "p")
+    for path in list(source.iterdir()):
+        image = Image.open(path)
+        image.resize((40, 32)).save(source / f"A_{path.stem}_T.jpg", exif=image.getexif())
+    flight, said = import_flight(source, tmp_path / "out")
+    assert len(flight) == 6 and flight.image(0).shape == (48, 64, 3)
+    assert any("another size than 64x48, left out: 6" in line for line in said)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +20,11 @@ QUALITY = 95  # of JPEG files that are written anew
 
 
 def of_one_size(recording: Recording) -> Recording:
-    """The frames whose image is of the size of most, and a sentence where others are left out."""
+    """The frames whose image is of the size of most, of two the larger; said of others."""
     if not isinstance(frames := recording.frames, ImageFiles):
         return recording
     sizes = [size_of(file) for file in progress(frames.files, "sizes")]
-    width, height = usual = Counter(sizes).most_common(1)[0][0]
+    width, height = usual = max(set(sizes), key=lambda size: (sizes.count(size), size))
     others = [row for row, size in enumerate(sizes) if size != usual]
     if not others:
         return recording

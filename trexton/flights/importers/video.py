@@ -151,12 +151,12 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
         before = luma
     stamps = np.array(seen)
     if len(stamps) < 3:
-        raise FlightError(f"{source}: {len(stamps)} frames could be decoded: expected a video")
+        raise FlightError(f"{source}: {len(stamps)} frames could be decoded: copy it again")
     cut = []
     if len(stamps) < _WHOLE * announced[0] - 1 < 1e9:  # some containers name any number
         cut = [
             f"{source}: {len(stamps)} of {announced[0]:.0f} frames could be decoded: the file is "
-            "cut short, copy it again to have the rest"
+            "cut short, or damaged and what follows is stamped too early: copy it again"
         ]
     motion = np.array(moved) / np.maximum(np.diff(stamps, prepend=stamps[0] - 1), 1e-3)
     return stamps - stamps[0], motion, cut
