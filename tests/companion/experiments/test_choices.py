@@ -10,7 +10,7 @@ from trexton.companion.experiments import choices
 
 @pytest.fixture(scope="module")
 def record():
-    flight = small_flight(240)
+    flight = small_flight(120)
     return choices.run(
         flight.part("train"), flight.part("test"), choices.Parameters(repeats=2, particles=30)
     )
@@ -28,7 +28,7 @@ def test_every_choice_is_measured_beside_the_paper(record):
 
 
 def test_the_variants_differ_from_the_paper_and_repeat_with_the_seed(record):
-    flight = small_flight(240)
+    flight = small_flight(120)
     again = choices.run(
         flight.part("train"), flight.part("test"), choices.Parameters(repeats=2, particles=30)
     )
