@@ -5,7 +5,7 @@ import pytest
 
 from trexton.companion.experiments.evaluation import constant_guess, shuffled_neighbors
 from trexton.companion.experiments.rates import mean_over_groups, success_rate, wilson_interval
-from trexton.evaluation.metrics import block_rows, summarize
+from trexton.evaluation.metrics import block_rows, euclidean, summarize
 
 
 def test_summary_of_one_run_equals_the_plain_definitions(rng):
@@ -144,3 +144,8 @@ def test_a_short_flight_has_an_interval_of_some_width(rng, count):
     truth = np.zeros((count, 2))
     found = summarize([rng.normal(0, 0.3, (count, 2))], truth, 5.0, rng=rng)["mean_cm"]
     assert found["low"] < found["value"] < found["high"]
+
+
+def test_distances_are_those_of_pythagoras():
+    places = np.array([[0.0, 0.0], [3.5, -1.0]])
+    np.testing.assert_allclose(euclidean(places, np.array([3.0, 4.0])), [5, np.hypot(0.5, 5)])

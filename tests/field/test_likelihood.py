@@ -10,6 +10,7 @@ from trexton.field.likelihood import (
     Table,
     TileTables,
     better_half,
+    bilinear,
     log_prior,
     rbf_kernel,
     tile_bases,
@@ -103,3 +104,13 @@ def test_the_blocks_of_tiles_lie_on_the_diagonal(rng):
         own = slice(2 * tile, 2 * tile + 2)
         expected = Basis.of(signal[own], noise[own, own], None)
         np.testing.assert_array_equal(basis.whiten, expected.whiten)
+
+
+def test_a_grid_is_read_between_its_centres_and_constant_beyond(rng):
+    area = np.array([1.0, 3.0, -2.0, 4.0])
+    x, y = 1 + (np.arange(4) + 0.5) / 2, -2 + (np.arange(5) + 0.5) * 1.2
+    grid = 2 * x[:, None] - 3 * y + x[:, None] * y  # bilinear, so between centres it is exact
+    places = rng.uniform((x[0], y[0]), (x[-1], y[-1]), (50, 2))
+    expected = 2 * places[:, 0] - 3 * places[:, 1] + places.prod(axis=1)
+    np.testing.assert_allclose(bilinear(grid, area, places), expected)
+    np.testing.assert_allclose(bilinear(grid, area, np.array([[0, 9.0]])), grid[0, -1])

@@ -201,3 +201,18 @@ def test_a_deleted_log_is_counted_and_begun_anew(tmp_path):
     guard.event({"event": "second"})
     guard.close()
     assert json.loads((tmp_path / "log").read_text()) == {"event": "second"}
+
+
+def test_a_pipe_that_nobody_reads_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    code = "import sys\nfrom trexton.onboard.sinks.files import JsonLines\nJsonLines(sys.argv[1])"
+    words = [sys.executable, "-c", code, tmp_path / "pipe"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert "pipe: cannot be written (No such device or address)" in done.stderr
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    sink = JsonLines(str(tmp_path / "pipe"))
+    sink.open()
+    sink.add("{}")
+    assert os.read(reader, 100).endswith(b"{}\n")
+    sink.close()
+    os.close(reader)

@@ -25,6 +25,7 @@ COLUMNS = (
     "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m",
     "observed", "lost", "stale", "resets", "latency_s", "fault", "heading_rad", "heading_std_rad",
 )  # fmt: skip
+_ADDING = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK  # no wait for a pipe's reader
 
 
 def _move_aside(path: str) -> None:
@@ -65,7 +66,7 @@ class FileSink(Sink):
         if not self._standard:
             there = os.path.exists(path)
             try:
-                os.close(os.open(path, os.O_WRONLY | os.O_CREAT, 0o644))
+                os.close(os.open(path, _ADDING, 0o644))
             except OSError as error:
                 raise ParameterError(
                     f"{path}: cannot be written ({error.strerror}): "
@@ -95,7 +96,7 @@ class FileSink(Sink):
             if self._fresh:
                 _move_aside(self.file)
             self._fresh = False
-            self._opened = os.open(self.file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+            self._opened = os.open(self.file, _ADDING, 0o644)
         self._regular = stat.S_ISREG(os.fstat(self._opened).st_mode)
         if self.header and (self._standard or os.fstat(self._opened).st_size == 0):
             self._add(self.header)
