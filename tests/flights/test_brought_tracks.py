@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from conftest import small_flight
@@ -200,3 +201,18 @@ def test_subtitles_by_the_second_and_misspelt(tmp_path):
     assert flight.located.mean() > 0.9
     np.testing.assert_allclose(flight.position[:, 1], 1.112 * flight.time, atol=0.02)
     assert not any("give --tolerance" in line for line in said)
+
+
+def test_a_trajectory_among_its_pictures_is_no_folder_of_photographs(tmp_path):
+    half = np.radians(30) / 2  # a camera that looks down, turned by 30 degrees
+    for i in range(9):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), picture(i))
+    (tmp_path / "rgb.txt").write_text("".join(f"{i / 10} {i}.png\n" for i in range(9)))
+    turned = f"0 {np.cos(half)} {np.sin(half)} 0"
+    (tmp_path / "groundtruth.txt").write_text(
+        "".join(f"{i / 50} {i} 0 1 {turned}\n" for i in range(50))
+    )
+    settings = {"quaternion": "qw,qx,qy,qz"}
+    flight, _ = import_flight(tmp_path, tmp_path / "out", settings=settings)
+    np.testing.assert_allclose(flight.position[:, 0], 5 * np.arange(9.0))
+    np.testing.assert_allclose(np.degrees(flight.attitude), [[0, 0, 30]] * 9, atol=1e-9)

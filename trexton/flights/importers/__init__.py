@@ -63,6 +63,7 @@ def guess_kind(source: Path) -> str:
     fitting = [
         kind for kind in addresses("importers", IMPORTERS) if importer(kind).recognises(source)
     ]
+    fitting = [kind for kind in fitting if kind != "photos"] or fitting  # lists may lie beside them
     if len(fitting) == 1:
         return fitting[0]
     found = f"looks like {' and '.join(fitting)}" if fitting else "is of no kind that is recognised"

@@ -86,8 +86,7 @@ def read(source: Path, settings: Settings) -> Recording:
     posed = np.array([stamps for *stamps, _ in rows], dtype=np.int64).reshape(-1, 2)
     values = np.array([pose for *_, pose in rows], dtype=float).reshape(-1, 7)
     said = [f"images from {images}, positions from {poses}"]
-    stamps = shot[:, 0], posed[:, 0]
-    # Zero, or mostly those of other messages.
+    stamps = shot[:, 0], posed[:, 0]  # none are where they are zero, or mostly those of others
     clock = int(any(not each.all() or 2 * len(np.unique(each)) < len(each) for each in stamps))
     if clock:
         said.append(f"{source}: headers without a stamp: messages are taken at the bag's own times")
