@@ -3,9 +3,7 @@
 
 
 class TrextonError(Exception):
-    """Base of every error this package raises on purpose; its text is one line, whoever's words or
-    names it holds.
-    """
+    """Base of every error this package raises on purpose; its text is one line."""
 
     def __str__(self) -> str:
         return " ".join(super().__str__().splitlines())

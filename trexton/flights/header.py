@@ -60,7 +60,8 @@ def _invertible(rows: Any) -> bool:
 _KEYS: dict[str, dict[str, tuple[Callable[[Any], bool], str]]] = {
     "": {
         "format": (lambda version: type(version) is int, "a whole number"),
-        **dict.fromkeys(("name", "source", "licence", "features"), (_text, "text")),
+        "name": (lambda value: _text(value) and "\n" not in value, "text of one line"),
+        **dict.fromkeys(("source", "licence", "features"), (_text, "text")),
         "notes": (lambda value: type(value) is list and all(map(_text, value)), "a list of texts"),
         "area_m": (
             lambda area: _numbers(area, 4) and area[0] < area[1] and area[2] < area[3],
@@ -99,7 +100,7 @@ def read_header(path: Path) -> tuple[dict[str, Any] | None, list[str]]:
     if not path.exists():
         return None, [f"{path}: not found: a flight folder needs flight.toml with at least a name"]
     try:
-        header = tomllib.loads(read_text(path))
+        repr(header := tomllib.loads(read_text(path)))  # what cannot be said is refused here
     except FlightError as error:
         return None, [str(error)]
     except (ValueError, RecursionError) as error:  # TOML's own, or a number of too many digits

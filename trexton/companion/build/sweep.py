@@ -81,7 +81,7 @@ def read_plan(path: Path) -> SweepPlan:
         It cannot be read, or something in it has another type.
     """
     try:
-        said = tomllib.loads(read_text(path))
+        repr(said := tomllib.loads(read_text(path)))  # what cannot be said is refused here
     except (ValueError, RecursionError) as error:
         raise ParameterError(f"{path}: no readable plan ({error})") from None
     settings, flights = said.pop("set", {}), said.pop("flights", [])
