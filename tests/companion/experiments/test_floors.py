@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from functools import partial
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -13,10 +13,18 @@ from conftest import small_flight
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.records import Record
 from trexton.cli.main import main
-from trexton.companion.experiments import floors, suitability
-from trexton.companion.experiments.floors import VirtualFlights, judge_floor, named_floor
-from trexton.companion.experiments.suitability import measured_over_predicted
-from trexton.simulator import Floor
+from trexton.companion.experiments import suitability, virtual_flights
+from trexton.companion.experiments.floors import named_floor
+from trexton.companion.experiments.suitability import measured_over_predicted, predicted_errors
+from trexton.companion.experiments.virtual_flights import (
+    LATER,
+    VirtualFlights,
+    at_places,
+    first_prediction,
+    judge_floor,
+    measured_cm,
+)
+from trexton.simulator import Floor, record_flight
 from trexton.vision.camera import Camera
 
 SMALL = VirtualFlights(frames=100, test_frames=30)
@@ -24,10 +32,13 @@ SMALL = VirtualFlights(frames=100, test_frames=30)
 
 @pytest.fixture(scope="module", autouse=True)
 def small_camera():
-    """A quarter of the pixels, unless a camera is named."""
+    """A quarter of the pixels."""
+
+    def smaller(*arguments, camera, **more):
+        return record_flight(*arguments, camera=Camera(320, 240, 260.0), **more)
+
     with pytest.MonkeyPatch.context() as patch:
-        smaller = partial(floors.record_flight, camera=Camera(320, 240, 260.0))
-        patch.setattr(floors, "record_flight", smaller)
+        patch.setattr(virtual_flights, "record_flight", smaller)
         yield
 
 
@@ -42,27 +53,53 @@ def picture(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def judged(picture):
-    return judge_floor(Floor.from_file(picture, 3.0), flights=SMALL, methods=("field", "paper"))
+def floor(picture):
+    return Floor.from_file(picture, 3.0)
 
 
-def test_a_floor_is_judged_by_prediction_and_flight(judged):
-    assert judged["frames"] == {"survey": 100, "test": 30}
-    assert list(judged["measured"]) == ["field", "paper"]
-    for entry in judged["measured"].values():
-        assert 0 < entry["low"] <= entry["mean_cm"] <= entry["high"]
-    assert judged["measured"]["field"]["mean_cm"] < judged["centre_cm"]
-    heat = judged["heat"]["error_m"]
-    assert heat.shape == (30, 30) and (heat > 0).all()
+@pytest.fixture(scope="module")
+def judged(floor):
+    return judge_floor(floor, flights=SMALL)
+
+
+@pytest.fixture(scope="module")
+def measured(floor):
+    return measured_cm(floor, flights=replace(SMALL, seed=900), methods=("field", "paper"))
+
+
+def test_a_floor_is_judged_by_flights_of_the_method(judged):
+    assert judged["frames"] == {"survey": 100, "test": 30 * LATER}
+    assert 0 < judged["low"] <= judged["predicted_cm"] <= judged["high"] < judged["centre_cm"]
+    assert judged["heat"]["error_m"].shape == (30, 30)
+
+
+def test_other_flights_after_another_survey_err_by_as_much(judged, measured):
+    errors, places = measured
+    assert list(errors) == ["field", "paper"] and len(places) == 30 * LATER
+    assert 0.5 < errors["field"].mean() / judged["predicted_cm"] < 2
+
+
+def test_hard_places_are_those_worse_than_the_mean(floor, judged, measured):
+    heat, mean = judged["heat"]["error_m"], judged["predicted_cm"] / 100
     x, y = judged["worst_m"]
-    assert heat[int(y / 0.1), int(x / 0.1)] == heat.max()
+    assert heat[int(y / 0.1), int(x / 0.1)] == heat.max() > mean > heat.min()
+    errors, places = measured
+    hard = at_places(heat, floor.area, places) > mean
+    assert errors["field"][hard].mean() > errors["field"].mean()
+    line = predicted_errors(floor, judged).axes[0].collections[0]
+    assert line.levels == [pytest.approx(100 * mean)]
+
+
+def test_a_first_number_is_of_the_same_size(floor, judged):
+    first = first_prediction(floor, flights=SMALL)
+    assert judged["predicted_cm"] / 4 < first < 4 * judged["predicted_cm"]
 
 
 def test_equal_seeds_judge_equally(picture):
     floor, flights = Floor.from_file(picture, 1.5), VirtualFlights(frames=25, test_frames=20)
     first, second = (judge_floor(floor, flights=flights) for _ in range(2))
-    assert first["measured"] == second["measured"]
     assert first["predicted_cm"] == second["predicted_cm"]
+    np.testing.assert_array_equal(first["heat"]["error_m"], second["heat"]["error_m"])
 
 
 def test_names_of_painted_floors():
@@ -80,7 +117,14 @@ def test_pictures_are_named_with_their_width(picture, monkeypatch):
 
 
 ROWS = [
-    {"predicted_cm": p, "field_cm": m, "loss": loss, "paper_cm": 3 * m, "centre_cm": 200.0}
+    {
+        "predicted_cm": p,
+        "field_cm": m,
+        "loss": loss,
+        "paper_cm": 3 * m,
+        "centre_cm": 200.0,
+        "hard_cm": m + p,
+    }  # fmt: skip
     for p, m, loss in ((10, 12, 0.3), (20, 18, 0.2), (40, 100, 0.1), (30, 33, 0.4), (50, 200, 0.0))
 ]
 
@@ -96,9 +140,12 @@ def test_a_prediction_is_judged_by_order_and_by_centimetres():
     assert found["loss_rank"]["value"] == pytest.approx(-0.7)
     assert found["loss_rank"]["low"] < -0.7 < found["loss_rank"]["high"]
     assert found["ratio"] == pytest.approx(1.2) and found["level"] == pytest.approx(3 / 5)
+    # Ratios 1.2, .9, 2.5, 1.1, 4; hard over measured 1.83, 2.11, 1.4, 1.91, 1.25.
+    assert found["off"] == pytest.approx(0.2) and found["twice"] == pytest.approx(3 / 5)
+    assert found["hard"] == pytest.approx(22 / 12)
     said = said_of(found)
     assert "5 floors" in said and "1.00 (too few floors for an" in said and "-0.70 [" in said
-    assert "on 60 % of the floors" in said
+    assert "on 60 % of the floors" in said and "a factor of two on 60 %" in said
     one = said_of(suitability.validation(ROWS[:1], seed=1))
     assert "nan" not in one and "–" in one
 
@@ -127,7 +174,7 @@ def test_floors_are_foretold_and_flown(picture):
     assert list(rows) == floors.split()
     for row in rows.values():
         assert set(ROWS[0]) < set(row) and row["predicted_cm"] > 0
-        assert row["survey_frames"] == 25 and row["test_frames"] == 20
+        assert row["survey_frames"] == 25 and row["test_frames"] == 20 * LATER
     assert record.values["mean"]["field_cm"] == np.mean([row["field_cm"] for row in rows.values()])
     assert suitability.finding(record).startswith("Over 2 floors")
 
@@ -138,12 +185,12 @@ def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, ca
     words = ["suitability", str(grey), str(picture), "--width", "2", "--frames", "30"]
     assert main([*words, "--test-frames", "20", "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr()
-    assert said.err.count("cm by a first, coarse survey") == 2
+    assert said.err.count("cm by first, coarse flights") == 2
     lines = said.out.splitlines()
     assert [line[0] for line in lines if not line.startswith(" ")] == ["1", "2"]
     assert sum("hardest place" in line for line in lines) == 2
     content = json.loads((tmp_path / "out" / "grey.json").read_text())
-    hopeless = next(iter(content["measured"].values()))["mean_cm"] >= content["centre_cm"]
+    hopeless = content["predicted_cm"] >= content["centre_cm"]
     said = next(line for line in lines if str(grey) in line)
     assert ("it will not do" in lines[lines.index(said) + 1]) == hopeless
     content = json.loads((tmp_path / "out" / "floor.json").read_text())

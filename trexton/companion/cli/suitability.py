@@ -19,7 +19,7 @@ __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.companion.experiments.floors import VirtualFlights
+    from trexton.companion.experiments.virtual_flights import VirtualFlights
 
     parser.add_argument(
         "images", nargs="+", metavar="IMAGE",
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.base.records import plain
-    from trexton.companion.experiments.floors import (
+    from trexton.companion.experiments.virtual_flights import (
         METHOD,
         VirtualFlights,
         first_prediction,
@@ -50,20 +50,18 @@ def run(arguments: argparse.Namespace) -> int:
         first = spread(partial(first_prediction, flights=flights), floors.values())
         for name, error_cm in zip(floors, first, strict=True):
             if error_cm is not None:
-                say(f"{name}: about {error_cm:.0f} cm by a first, coarse survey")
+                say(f"{name}: about {error_cm:.0f} cm by first, coarse flights")
         whole = spread(partial(judge_floor, flights=flights), floors.values(), "floors")
     judged = dict(zip(floors, whole, strict=True))
     ranked = sorted(judged, key=lambda name: judged[name]["predicted_cm"])
     for place, name in enumerate(ranked, start=1):
         entry = judged[name]
-        measured = next(iter(entry["measured"].values()))
         print(
             f"{place}. {name}: expect method {METHOD} to be off by {entry['predicted_cm']:.0f} cm "
-            f"on average; on a virtual flight it was by {measured['mean_cm']:.0f} cm "
-            f"[{measured['low']:.0f}, {measured['high']:.0f}], "
+            f"on average [{entry['low']:.0f}, {entry['high']:.0f}], as on virtual flights, "
             f"always guessing the middle by {entry['centre_cm']:.0f} cm"
         )
-        if measured["mean_cm"] >= entry["centre_cm"]:
+        if entry["predicted_cm"] >= entry["centre_cm"]:
             print("   it will not do: the middle of the floor is as good a guess")
         x, y = entry["worst_m"]
         print(

@@ -1,0 +1,178 @@
+"""Which floor will do, from a picture alone: survey it virtually, train, and fly over it later.
+
+The prediction is the mean error of method `field` itself on such flights, under another light. What
+the field predicts of single frames does not include that it may take one place for another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trexton.base.errors import MapError
+from trexton.base.files import scratch_folder
+from trexton.base.options import Options, option
+from trexton.base.streams import stream
+from trexton.companion.experiments.evaluation import constant_guess, frames_of
+from trexton.companion.experiments.track import fly
+from trexton.evaluation.metrics import euclidean, mean_with_interval
+from trexton.evaluation.suitability import local_losses, smooth
+from trexton.field.likelihood import bilinear, grid_cells
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.training import for_method, train_map
+from trexton.simulator import PERIOD, Floor, record_flight
+from trexton.vision.camera import Camera
+from trexton.vision.threads import ahead
+
+LANE = 0.5  # metres between the lanes of a survey that sees everything twice
+SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
+LATER = 3  # flights after the survey, by which errors are predicted, or measured
+CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
+REACH_M = 1.2  # over which errors of flights are averaged for that map
+SIGMA_M = 0.8  # of the paper's map loss
+METHOD = "field"  # the one whose error is predicted
+
+Area = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class VirtualFlights(Options):
+    """How a floor is flown over."""
+
+    frames: int = option(0, "of the survey; 0 takes as many as its lanes need", low=0, high=20000)
+    test_frames: int = option(200, "of each later flight, whose errors count", low=20, high=20000)
+    height: float = option(1.0, "metres above the floor", low=0.2, high=10)
+    seed: int = option(1, "of the flights", low=0)
+
+    def over(
+        self, floor: Floor, folder: Path, count: int, *, every: int = 2, camera: Camera = Camera()
+    ) -> tuple[Flight, list[Flight]]:
+        """A survey, and `count` flights between random places an hour later.
+
+        Every second frame is kept unless told otherwise, so that fewer cover the floor.
+        """
+        x_min, x_max, y_min, y_max = floor.area
+        path = 2 * (x_max - x_min) * (y_max - y_min) / LANE
+        usual = int(np.clip(path / (SURVEY_SPEED * PERIOD * every), 200, 2000))
+        record = partial(record_flight, floor=floor, height=self.height, every=every, camera=camera)
+
+        def flights(of: range) -> list[Flight]:
+            return [
+                record(folder / str(n), pattern="waypoints" if n else "survey", seed=self.seed + n,
+                       frames=self.test_frames if n else self.frames or usual)
+                for n in of
+            ]  # fmt: skip
+
+        # Those of one light share what the floor looks like: they stay in one thread.
+        (survey,), later = ahead(flights, [range(1), range(1, count + 1)])
+        return survey, later
+
+
+def first_prediction(floor: Floor, *, flights: VirtualFlights) -> float | None:
+    """Centimetres of error to expect over a floor, by flights of few frames and a quarter of the
+    pixels: within seconds, and coarser than `judge_floor`. None where they show too little.
+    """
+    few = replace(flights, frames=min(flights.frames or 200, 200), test_frames=60)
+    with scratch_folder("floor") as folder:
+        survey, later = few.over(floor, folder, 1, every=5, camera=Camera(320, 240, 260.0))
+        try:
+            coarse = train_map(survey, method=METHOD, rng=stream(flights.seed, "map"))
+        except MapError:
+            return None
+        return float(_errors_cm(coarse, later[0], flights.seed, 0).mean())
+
+
+def judge_floor(floor: Floor, *, flights: VirtualFlights = VirtualFlights()) -> dict[str, Any]:
+    """Predict how far off one would be over a floor, by virtual flights.
+
+    Returns
+    -------
+    dict
+        ``area_m``; ``frames``, of the survey and of the later flights; ``loss``, the paper's L(D);
+        ``predicted_cm``, the mean error of the later flights, with its 95 % interval ``low`` to
+        ``high``; ``centre_cm``, the error of always guessing the middle; ``heat``, expected error
+        over the floor in metres; ``worst_m``, where it is largest.
+    """
+    with scratch_folder("floor") as folder:
+        survey, later = flights.over(floor, folder, LATER)
+        texton_map = train_map(survey, method=METHOD, rng=stream(flights.seed, "map"))
+        errors = np.stack(
+            [_errors_cm(texton_map, test, flights.seed, n) for n, test in enumerate(later)]
+        )
+    mean = mean_with_interval(errors, stream(flights.seed, "intervals"))
+    flown = np.concatenate([test.position for test in later])
+    heat = _expected(texton_map, flown, errors.ravel(), floor.area)
+    centre = constant_guess(texton_map.positions, len(flown))
+    whole = texton_map.joined()
+    losses = local_losses(whole.histograms, whole.positions, SIGMA_M)
+    return {
+        "area_m": floor.area,
+        "frames": {"survey": len(survey), "test": len(flown)},
+        "loss": losses.mean(),
+        "predicted_cm": mean["value"],
+        "low": mean["low"],
+        "high": mean["high"],
+        "centre_cm": (100 * euclidean(centre, flown)).mean(),
+        "heat": {"error_m": heat.round(4)},
+        "worst_m": _worst(heat, floor.area),
+    }
+
+
+def measured_cm(
+    floor: Floor, *, flights: VirtualFlights, methods: tuple[str, ...]
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """By method, the errors in cm at all frames of the flights after a survey; and ``(N, 2)`` the
+    true positions.
+    """
+    with scratch_folder("floor") as folder:
+        survey, later = flights.over(floor, folder, LATER)
+        own = train_map(survey, method=METHOD, rng=stream(flights.seed, "map"))
+        errors = {}
+        for method in methods:
+            rng = stream(flights.seed, f"map {method}")
+            trained = for_method(own, method, flight=survey, rng=rng)
+            each = [_errors_cm(trained, test, flights.seed, n) for n, test in enumerate(later)]
+            errors[method] = np.concatenate(each)
+    return errors, np.concatenate([test.position for test in later])
+
+
+def _errors_cm(texton_map: TextonMap, test: Flight, seed: int, number: int) -> np.ndarray:
+    localizer = Localizer(texton_map, rng=stream(seed, "flight", number))
+    return 100 * fly(localizer, frames_of(test)).errors(test.position)
+
+
+def _expected(
+    texton_map: TextonMap, flown: np.ndarray, errors_cm: np.ndarray, area: Area
+) -> np.ndarray:
+    """``(rows, columns)`` expected errors in metres at the centres of cells, row 0 at the smallest
+    y: what the field predicts of a single frame there, by as much as the flights around did worse.
+    """
+    predicted = texton_map.parts["measurement"].predicted_error
+    sides = area[1] - area[0], area[3] - area[2]
+    places, shape = grid_cells(area, min(CELLS, round(sides[0] * sides[1] / CELL**2)))
+    around = partial(smooth, positions=flown, places=places, sigma=REACH_M)
+    worse = around(errors_cm / 100) / around(predicted(flown))
+    expected: np.ndarray = (predicted(places) * worse).reshape(shape).T
+    return expected
+
+
+def at_places(heat: np.ndarray, area: Area, places: np.ndarray) -> np.ndarray:
+    """``(N,)`` the values of the `heat` at ``(N, 2)`` places."""
+    values: np.ndarray = bilinear(heat.T, np.array(area), places)
+    return values
+
+
+def _worst(heat: np.ndarray, extent: Area) -> tuple[float, float]:
+    """Centre of the cell of the largest value, metres."""
+    row, column = np.unravel_index(np.nanargmax(heat), heat.shape)
+    x_min, x_max, y_min, y_max = extent
+    rows, columns = heat.shape
+    return (
+        float(x_min + (column + 0.5) * (x_max - x_min) / columns),
+        float(y_min + (row + 0.5) * (y_max - y_min) / rows),
+    )
