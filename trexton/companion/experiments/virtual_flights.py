@@ -84,7 +84,7 @@ def first_prediction(floor: Floor, *, flights: VirtualFlights) -> float | None:
             coarse = train_map(survey, method=METHOD, rng=stream(flights.seed, "map"))
         except MapError:
             return None
-        return float(_errors_cm(coarse, later[0], flights.seed, 0).mean())
+        return float(_errors_cm(coarse, later, flights.seed)[0].mean())
 
 
 def judge_floor(floor: Floor, *, flights: VirtualFlights = VirtualFlights()) -> dict[str, Any]:
@@ -101,9 +101,7 @@ def judge_floor(floor: Floor, *, flights: VirtualFlights = VirtualFlights()) -> 
     with scratch_folder("floor") as folder:
         survey, later = flights.over(floor, folder, LATER)
         texton_map = train_map(survey, method=METHOD, rng=stream(flights.seed, "map"))
-        errors = np.stack(
-            [_errors_cm(texton_map, test, flights.seed, n) for n, test in enumerate(later)]
-        )
+        errors = np.stack(_errors_cm(texton_map, later, flights.seed))
     mean = mean_with_interval(errors, stream(flights.seed, "intervals"))
     flown = np.concatenate([test.position for test in later])
     heat = _expected(texton_map, flown, errors.ravel(), floor.area)
@@ -136,14 +134,19 @@ def measured_cm(
         for method in methods:
             rng = stream(flights.seed, f"map {method}")
             trained = for_method(own, method, flight=survey, rng=rng)
-            each = [_errors_cm(trained, test, flights.seed, n) for n, test in enumerate(later)]
-            errors[method] = np.concatenate(each)
+            errors[method] = np.concatenate(_errors_cm(trained, later, flights.seed))
     return errors, np.concatenate([test.position for test in later])
 
 
-def _errors_cm(texton_map: TextonMap, test: Flight, seed: int, number: int) -> np.ndarray:
-    localizer = Localizer(texton_map, rng=stream(seed, "flight", number))
-    return 100 * fly(localizer, frames_of(test)).errors(test.position)
+def _errors_cm(texton_map: TextonMap, tests: list[Flight], seed: int) -> list[np.ndarray]:
+    """``(N,)`` of each flight; each is flown by a localizer of its own, in a thread of its own."""
+
+    def errors(number: int) -> np.ndarray:
+        localizer = Localizer(texton_map, rng=stream(seed, "flight", number))
+        run = fly(localizer, frames_of(tests[number]))
+        return 100 * run.errors(tests[number].position)
+
+    return list(ahead(errors, range(len(tests))))
 
 
 def _expected(
