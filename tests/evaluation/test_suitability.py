@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import MapError, ParameterError
-from trexton.companion.experiments.map_loss import usual_sigma
 from trexton.evaluation.suitability import (
     cosine_similarity,
     heat_map,
@@ -107,11 +106,6 @@ def test_heat_map_of_a_field_is_as_coarse_as_it_must():
     values, place = np.ones(1), np.array([[2.0, 2.0]])
     assert heat_map(values, place, (0, 5, 0, 4), 0.8).shape == (80, 100)  # 5 cm
     assert heat_map(values, place, (0, 430, 0, 415), 0.8).shape == (194, 200)
-
-
-def test_over_a_field_sigma_is_a_tenth_of_its_diagonal():
-    found = [usual_sigma(diagonal) for diagonal in (7.07, 14.1, 597.3)]
-    assert found == [0.8, 1.0, 60.0]
 
 
 def test_heat_map_fills_the_area_with_whole_cells():

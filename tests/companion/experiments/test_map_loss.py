@@ -169,3 +169,8 @@ def test_over_a_field_sigma_grows_with_it_and_what_is_chosen_holds(flights, tmp_
     assert far.values["sigma"]["used_m"] == 0.01
     sentence = map_loss.finding(Record.load(far.save(tmp_path / "far")))
     assert "farther apart than sigma reaches, which was 0.01 m" in sentence
+
+
+def test_over_a_field_sigma_is_a_tenth_of_its_diagonal():
+    found = [map_loss.usual_sigma(diagonal) for diagonal in (7.07, 14.1, 597.3)]
+    assert found == [0.8, 1.0, 60.0]
