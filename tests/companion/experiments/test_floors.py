@@ -19,11 +19,11 @@ from trexton.companion.experiments.suitability import measured_over_predicted, p
 from trexton.companion.experiments.virtual_flights import (
     LATER,
     VirtualFlights,
-    at_places,
     first_prediction,
     judge_floor,
     measured_cm,
 )
+from trexton.field.likelihood import bilinear
 from trexton.simulator import Floor, record_flight
 from trexton.vision.camera import Camera
 
@@ -84,7 +84,7 @@ def test_hard_places_are_those_worse_than_the_mean(floor, judged, measured):
     x, y = judged["worst_m"]
     assert heat[int(y / 0.1), int(x / 0.1)] == heat.max() > mean > heat.min()
     errors, places = measured
-    hard = at_places(heat, floor.area, places) > mean
+    hard = bilinear(heat.T, np.array(floor.area), places) > mean
     assert errors["field"][hard].mean() > errors["field"].mean()
     line = predicted_errors(floor, judged).axes[0].collections[0]
     assert line.levels == [pytest.approx(100 * mean)]

@@ -31,11 +31,11 @@ from trexton.companion.experiments.style import (
 )
 from trexton.companion.experiments.virtual_flights import (
     VirtualFlights,
-    at_places,
     judge_floor,
     measured_cm,
 )
 from trexton.companion.wording import fixed, percent, span
+from trexton.field.likelihood import bilinear
 from trexton.flights.flight import Flight
 from trexton.simulator import Floor
 
@@ -80,7 +80,7 @@ def _judged(parameters: Parameters, name: str) -> dict[str, float]:
     judged = judge_floor(floor, flights=parameters)
     others = replace(parameters, seed=parameters.seed + OTHER)
     errors, places = measured_cm(floor, flights=others, methods=METHODS)
-    expected = 100 * at_places(judged["heat"]["error_m"], floor.area, places)
+    expected = 100 * bilinear(judged["heat"]["error_m"].T, np.array(floor.area), places)
     hard = expected >= min(judged["predicted_cm"], expected.max())  # one place at least
     kept = {key: float(judged[key]) for key in ("predicted_cm", "loss", "centre_cm")}
     measured = {f"{method}_cm": float(each.mean()) for method, each in errors.items()}
@@ -172,9 +172,8 @@ def predicted_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
         heat_map(figure, plan, heat, extent, "expected error (cm)")
         x, y = judged["worst_m"]
         plan.plot(x, y, "x", color=COLORS["truth"], markersize=8)
-        middles = [np.linspace(low, high, 2 * count + 1)[1::2] for low, high, count in
-                   zip(extent[::2], extent[1::2], heat.shape[::-1], strict=True)]  # fmt: skip
-        plan.contour(*middles, heat, [judged["predicted_cm"]], colors=COLORS["truth"], linewidths=1)
+        level = [judged["predicted_cm"]]  # within the line it is worse than the mean
+        plan.contour(heat, level, extent=extent, origin="lower", colors="k", linewidths=1)
         plan.annotate("hardest", (x, y), xytext=(6, 6), textcoords="offset points")
     return figure
 

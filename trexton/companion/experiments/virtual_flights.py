@@ -21,7 +21,7 @@ from trexton.companion.experiments.evaluation import constant_guess, frames_of
 from trexton.companion.experiments.track import fly
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.evaluation.suitability import local_losses, smooth
-from trexton.field.likelihood import bilinear, grid_cells
+from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import for_method, train_map
@@ -104,7 +104,7 @@ def judge_floor(floor: Floor, *, flights: VirtualFlights = VirtualFlights()) -> 
         errors = np.stack(_errors_cm(texton_map, later, flights.seed))
     mean = mean_with_interval(errors, stream(flights.seed, "intervals"))
     flown = np.concatenate([test.position for test in later])
-    heat = _expected(texton_map, flown, errors.ravel(), floor.area)
+    heat, worst = _expected(texton_map, flown, errors.ravel(), floor.area)
     centre = constant_guess(texton_map.positions, len(flown))
     whole = texton_map.joined()
     losses = local_losses(whole.histograms, whole.positions, SIGMA_M)
@@ -117,16 +117,14 @@ def judge_floor(floor: Floor, *, flights: VirtualFlights = VirtualFlights()) -> 
         "high": mean["high"],
         "centre_cm": (100 * euclidean(centre, flown)).mean(),
         "heat": {"error_m": heat.round(4)},
-        "worst_m": _worst(heat, floor.area),
+        "worst_m": worst.tolist(),
     }
 
 
 def measured_cm(
     floor: Floor, *, flights: VirtualFlights, methods: tuple[str, ...]
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """By method, the errors in cm at all frames of the flights after a survey; and ``(N, 2)`` the
-    true positions.
-    """
+    """By method, errors in cm at all frames after a survey; and ``(N, 2)`` where they were."""
     with scratch_folder("floor") as folder:
         survey, later = flights.over(floor, folder, LATER)
         own = train_map(survey, method=METHOD, rng=stream(flights.seed, "map"))
@@ -142,40 +140,22 @@ def _errors_cm(texton_map: TextonMap, tests: list[Flight], seed: int) -> list[np
     """``(N,)`` of each flight; each is flown by a localizer of its own, in a thread of its own."""
 
     def errors(number: int) -> np.ndarray:
-        localizer = Localizer(texton_map, rng=stream(seed, "flight", number))
-        run = fly(localizer, frames_of(tests[number]))
-        return 100 * run.errors(tests[number].position)
+        localizer, test = Localizer(texton_map, rng=stream(seed, "flight", number)), tests[number]
+        return 100 * fly(localizer, frames_of(test)).errors(test.position)
 
     return list(ahead(errors, range(len(tests))))
 
 
 def _expected(
     texton_map: TextonMap, flown: np.ndarray, errors_cm: np.ndarray, area: Area
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """``(rows, columns)`` expected errors in metres at the centres of cells, row 0 at the smallest
-    y: what the field predicts of a single frame there, by as much as the flights around did worse.
+    y: what the field predicts of a single frame there, by as much as the flights around did worse;
+    and ``(2,)`` the place of the largest.
     """
     predicted = texton_map.parts["measurement"].predicted_error
     sides = area[1] - area[0], area[3] - area[2]
     places, shape = grid_cells(area, min(CELLS, round(sides[0] * sides[1] / CELL**2)))
     around = partial(smooth, positions=flown, places=places, sigma=REACH_M)
-    worse = around(errors_cm / 100) / around(predicted(flown))
-    expected: np.ndarray = (predicted(places) * worse).reshape(shape).T
-    return expected
-
-
-def at_places(heat: np.ndarray, area: Area, places: np.ndarray) -> np.ndarray:
-    """``(N,)`` the values of the `heat` at ``(N, 2)`` places."""
-    values: np.ndarray = bilinear(heat.T, np.array(area), places)
-    return values
-
-
-def _worst(heat: np.ndarray, extent: Area) -> tuple[float, float]:
-    """Centre of the cell of the largest value, metres."""
-    row, column = np.unravel_index(np.nanargmax(heat), heat.shape)
-    x_min, x_max, y_min, y_max = extent
-    rows, columns = heat.shape
-    return (
-        float(x_min + (column + 0.5) * (x_max - x_min) / columns),
-        float(y_min + (row + 0.5) * (y_max - y_min) / rows),
-    )
+    expected = predicted(places) * around(errors_cm / 100) / around(predicted(flown))
+    return expected.reshape(shape).T, places[np.nanargmax(expected)]
