@@ -172,8 +172,7 @@ def predicted_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
         heat_map(figure, plan, heat, extent, "expected error (cm)")
         x, y = judged["worst_m"]
         plan.plot(x, y, "x", color=COLORS["truth"], markersize=8)
-        level = [judged["predicted_cm"]]  # within the line it is worse than the mean
-        plan.contour(heat, level, extent=extent, origin="lower", colors="k", linewidths=1)
+        plan.contour(heat, [judged["predicted_cm"]], extent=extent, origin="lower", colors="k")
         plan.annotate("hardest", (x, y), xytext=(6, 6), textcoords="offset points")
     return figure
 

@@ -21,7 +21,7 @@ from trexton.companion.experiments.evaluation import constant_guess, frames_of
 from trexton.companion.experiments.track import fly
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.evaluation.suitability import local_losses, smooth
-from trexton.field.likelihood import grid_cells
+from trexton.field.likelihood import Area, grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import for_method, train_map
@@ -36,8 +36,6 @@ CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most 
 REACH_M = 1.2  # over which errors of flights are averaged for that map
 SIGMA_M = 0.8  # of the paper's map loss
 METHOD = "field"  # the one whose error is predicted
-
-Area = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -154,8 +152,8 @@ def _expected(
     and ``(2,)`` the place of the largest.
     """
     predicted = texton_map.parts["measurement"].predicted_error
-    sides = area[1] - area[0], area[3] - area[2]
-    places, shape = grid_cells(area, min(CELLS, round(sides[0] * sides[1] / CELL**2)))
+    size = (area[1] - area[0]) * (area[3] - area[2])
+    places, shape = grid_cells(area, min(CELLS, round(size / CELL**2)))
     around = partial(smooth, positions=flown, places=places, sigma=REACH_M)
     expected = predicted(places) * around(errors_cm / 100) / around(predicted(flown))
     return expected.reshape(shape).T, places[np.nanargmax(expected)]
