@@ -76,15 +76,14 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def _judged(parameters: Parameters, name: str) -> dict[str, float]:
-    floor = named_floor(name)
+    floor, others = named_floor(name), replace(parameters, seed=parameters.seed + OTHER)
     judged = judge_floor(floor, flights=parameters)
-    others = replace(parameters, seed=parameters.seed + OTHER)
     errors, places = measured_cm(floor, flights=others, methods=METHODS)
     expected = 100 * bilinear(judged["heat"]["error_m"].T, np.array(floor.area), places)
     hard = expected >= min(judged["predicted_cm"], expected.max())  # one place at least
     kept = {key: float(judged[key]) for key in ("predicted_cm", "loss", "centre_cm")}
-    measured = {f"{method}_cm": float(each.mean()) for method, each in errors.items()}
-    measured["hard_cm"] = float(errors[METHODS[0]][hard].mean())
+    errors["hard"] = errors[METHODS[0]][hard]
+    measured = {f"{name}_cm": float(each.mean()) for name, each in errors.items()}
     return kept | measured | {f"{key}_frames": n for key, n in judged["frames"].items()}
 
 

@@ -21,16 +21,16 @@ from trexton.companion.experiments.evaluation import constant_guess, frames_of
 from trexton.companion.experiments.track import fly
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.evaluation.suitability import local_losses, smooth
-from trexton.field.likelihood import Area, grid_cells
+from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
+from trexton.localization.base import Area
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import for_method, train_map
 from trexton.simulator import PERIOD, Floor, record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.threads import ahead
 
-LANE = 0.5  # metres between the lanes of a survey that sees everything twice
-SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
+LANE, SURVEY_SPEED = 0.5, 1.2  # metres between lanes that see everything twice; the survey's m/s
 LATER = 3  # flights after the survey, by which errors are predicted, or measured
 CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
 REACH_M = 1.2  # over which errors of flights are averaged for that map
