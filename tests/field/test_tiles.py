@@ -92,8 +92,8 @@ def test_between_two_lanes_the_parts_know_where_a_frame_is(rng):
         return float(away.mean()), float(field.predicted_error(places).mean())
 
     assert len(Field().fit(survey).offsets) == 4
-    (tiled, foretold), (whole, doubted) = off(survey), off(replace(survey, cells=1))
-    assert tiled < 0.1 < whole and foretold < doubted
+    (tiled, predicted), (whole, spread) = off(survey), off(replace(survey, cells=1))
+    assert tiled < 0.1 < whole and predicted < spread
 
 
 def test_the_variance_of_a_frame_is_the_mean_of_what_its_parts_show(rng):

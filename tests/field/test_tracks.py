@@ -251,12 +251,12 @@ def test_a_velocity_that_is_right_again_is_believed_again(field, motion, rng):
     histograms = look(places, rng)
     velocity = np.gradient(places, 0.08, axis=0)
     velocity[20:70] += [0.4, 0.0]
-    tracker, doubted = TrackFilter(motion, field, AREA), []
+    tracker, biased = TrackFilter(motion, field, AREA), []
     for row, histogram in enumerate(histograms):
         aiding = Aiding(velocity=velocity[row])
         tracker.step(Observation(histogram=lambda h=histogram: h, aiding=aiding))
-        doubted.append(tracker.estimate().velocity_bias is not None)
-    assert not any(doubted[:20]) and all(doubted[50:70]) and not any(doubted[-60:])
+        biased.append(tracker.estimate().velocity_bias is not None)
+    assert not any(biased[:20]) and all(biased[50:70]) and not any(biased[-60:])
 
 
 @pytest.mark.parametrize("glitch", [1e9, -20.0, np.inf, np.nan])

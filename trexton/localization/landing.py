@@ -105,7 +105,7 @@ class TouchdownZone(LandingZone):
         Seconds that the search for a moment to land may take.
     settled_s : float
         Seconds for which no estimate may have been lost, or elsewhere than the one before it
-        foretold.
+        predicted.
     consecutive : int
         Number of estimates in a row that must agree.
 

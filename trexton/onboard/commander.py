@@ -19,7 +19,7 @@ REASONS = {
 }  # fmt: skip
 EXIT_RADII = 1.5  # from the centre: nearer, a position that jitters has not left the zone
 EXIT_SECONDS = 3.0  # seconds outside after which a return is another visit
-UNHEARD = "no autopilot is there to be commanded, or which one is in doubt"
+NO_TARGET = "no autopilot is there to be commanded, or which one is in doubt"
 ANSWER_WITHIN, ATTEMPTS = 1.0, 5  # seconds before asking again, and times to ask in one visit
 ACK_TIMEOUT = 10.0  # an answer later than this after the latest command belongs to no command
 
@@ -64,7 +64,7 @@ class Commander:
     ----------
     zone : LandingZone
     landers : list of LandingLink
-        Told to land all at once; empty for a dry run.
+        Commanded to land, all at once; empty for a dry run.
     report : callable
         Takes each event, as a dict.
     """
@@ -155,8 +155,8 @@ class Commander:
             self._report({"event": "land", "confirmation": self._sent})
             self._asked_at, self.why = now, ""
             self._sent += 1
-        elif self.why != UNHEARD:
-            self._become(State.ASKED, UNHEARD)
+        elif self.why != NO_TARGET:
+            self._become(State.ASKED, NO_TARGET)
 
     def _phases(self) -> dict[tuple[int, str], object]:
         phases = ((n, lander.phase()) for n, lander in enumerate(self._landers))

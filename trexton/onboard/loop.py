@@ -48,7 +48,7 @@ class Onboard:
     zone : LandingZone, optional
         Where to land.
     landers : sequence of LandingLink
-        Told to land there; without any, it is only said.
+        Commanded to land there; without any, it is only said.
     log : Guard, optional
         Takes fixes and events.
     tally : Tally

@@ -168,7 +168,7 @@ def test_a_kept_sweep_reads_as_the_run_does():
     assert points == [1, 6]
 
 
-def test_floors_are_foretold_and_flown(picture):
+def test_floors_are_predicted_and_flown(picture):
     floors = f"{picture}@1.5 {picture}@1"
     given = suitability.Parameters(floors=floors, frames=25, test_frames=20)
     flight = small_flight()
