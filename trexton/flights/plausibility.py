@@ -14,13 +14,7 @@ import numpy as np
 
 from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
-from trexton.flights.importers.axes import (
-    AXES,
-    TAKEN,
-    looks_away,
-    quaternions_from_attitude,
-    readings,
-)
+from trexton.flights.importers import axes
 from trexton.flights.tracking import Doubt, count_of, lost_rows, ranges, without_positions
 from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
@@ -183,12 +177,13 @@ def _angles(flight: Flight) -> Iterator[str]:
 
 def _view(flight: Flight) -> Iterator[str]:
     """A camera that does not look down in half of the frames."""
-    if flight.attitude is None or not (doubt := looks_away(flight.attitude)):
+    if flight.attitude is None or not (doubt := axes.looks_away(flight.attitude)):
         return
     # As the import that wrote them took them; else they are taken for what they should be.
-    noted = (note.removeprefix(TAKEN) for note in flight.notes if note.startswith(TAKEN))
-    taken = AXES.get(next(noted, ""), AXES["rfu"])
-    words, better = next(readings(quaternions_from_attitude(flight.attitude, taken)), ("", None))
+    noted = (note.removeprefix(axes.TAKEN) for note in flight.notes if note.startswith(axes.TAKEN))
+    taken = axes.AXES.get(next(noted, ""), axes.AXES["rfu"])
+    given = axes.quaternions_from_attitude(flight.attitude, taken)
+    words, better = next(axes.readings(given), ("", None))
     if better is None:
         yield doubt
         return

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache, cached_property, partial
+from functools import partial
 from importlib.metadata import version
 from itertools import cycle
 from pathlib import Path
@@ -24,15 +24,12 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.progress import say
 from trexton.base.streams import stream
-from trexton.companion.checks.timing import Contest, Row
+from trexton.companion.checks.timing import VIEWS, Contest, Row, Scene
 from trexton.companion.checks.waiting import answers, learning
 from trexton.companion.executor import environment
-from trexton.companion.experiments.evaluation import evenly_spread
 from trexton.companion.provenance import machine
-from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import save_map
-from trexton.localization.training import train_map
 from trexton.vision.histograms import texton_histogram
 from trexton.vision.images import position_grid
 
@@ -42,7 +39,6 @@ Contests = Iterator[Contest]
 
 _GEMM = 2048
 _SIZE = "640x480"
-_VIEWS = 48  # frames that are looked at, evenly over the flight
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")
 _PARTICLES = ((50, 0.5, 1), (500, 0.04, 1), (5000, 0.01, 2))  # how many, limit, threads
 _ALL = "roll", "pitch", "yaw", "height"
@@ -53,34 +49,6 @@ _FRAMES: tuple[tuple[str, tuple[str, ...], float | None], ...] = (
     ("fine", _ALL, 0.06),
     ("fine, tilt found", _ALL[2:], 0.09),
 )
-
-
-class Scene:
-    """A survey of the painted hall in `folder` and all that a stage may ask for, made when asked
-    for.
-    """
-
-    def __init__(self, folder: Path, frames: int = 800, seed: int = 1):
-        self.folder, self.frames, self.seed = folder, frames, seed
-        self.map = cache(self.train)  # by method
-
-    @cached_property
-    def flight(self) -> Flight:
-        from trexton.simulator import record_flight
-
-        return record_flight(self.folder / "flight", frames=self.frames, seed=self.seed)
-
-    @cached_property
-    def rows(self) -> np.ndarray:
-        return evenly_spread(len(self.flight), _VIEWS)
-
-    @cached_property
-    def views(self) -> list[np.ndarray]:
-        """``(480, 640, 3)`` frames."""
-        return [self.flight.image(row) for row in self.rows]
-
-    def train(self, method: str) -> TextonMap:
-        return train_map(self.flight, method=method, rng=stream(self.seed, "training"))
 
 
 def train(scene: Scene) -> Contests:
@@ -162,7 +130,7 @@ def frame(scene: Scene) -> Contests:
     lumas = [view[..., 0].copy() for view in scene.views]
     sift = "SIFT of the frame", _each(lambda luma: detector.detectAndCompute(luma, None), lumas)
     # There and back: where a frame is not beside the last one, a vehicle was kidnapped.
-    *back, last = range(len(scene.flight))[-_VIEWS:]
+    *back, last = range(len(scene.flight))[-VIEWS:]
     images = {row: scene.flight.image(row) for row in (*back, last)}
     for method, known, limit in _FRAMES:
         one = Localizer(scene.map(method.partition(",")[0]), rng=stream(scene.seed, "flight"))

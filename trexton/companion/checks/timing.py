@@ -1,6 +1,7 @@
 """Timing: calls in turn, round after round, in one process, so that ratios of their times hold.
 
-Offers `interleave`, `Contest`, whose `row` says how a stage compares, and a `table` of rows.
+Offers `interleave`, `Contest`, whose `row` says how a stage compares, a `table` of rows, and the
+`Scene` that stages are timed on.
 """
 
 from __future__ import annotations
@@ -8,15 +9,23 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from trexton.base.streams import stream
 from trexton.companion.executor import limited_threads
+from trexton.companion.experiments.evaluation import evenly_spread
+from trexton.flights.flight import Flight
+from trexton.localization.texton_map import TextonMap
+from trexton.localization.training import train_map
 
-__all__ = ["Contest", "Row", "interleave", "table"]
+__all__ = ["VIEWS", "Contest", "Row", "Scene", "interleave", "table"]
 
 Row = dict[str, Any]
+VIEWS = 48  # frames that are looked at, evenly over the flight
 _LONG = 5.0  # times what all calls should take
 _PAUSE = 0.05  # seconds; threads of a BLAS spin for about as long after their last product
 
@@ -85,3 +94,31 @@ def table(rows: Sequence[Row]) -> str:
     frame["holds"] = frame["holds"].map({True: "holds", False: "MISSED"})
     seconds = dict.fromkeys(("ours_s", "p99_s", "yardstick_s"), EngFormatter("s", places=1))
     return frame.to_string(index=False, na_rep="", float_format="{:.3g}".format, formatters=seconds)
+
+
+class Scene:
+    """A survey of the painted hall in `folder` and all that a stage may ask for, made when asked
+    for.
+    """
+
+    def __init__(self, folder: Path, frames: int = 800, seed: int = 1):
+        self.folder, self.frames, self.seed = folder, frames, seed
+        self.map = cache(self.train)  # by method
+
+    @cached_property
+    def flight(self) -> Flight:
+        from trexton.simulator import record_flight
+
+        return record_flight(self.folder / "flight", frames=self.frames, seed=self.seed)
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        return evenly_spread(len(self.flight), VIEWS)
+
+    @cached_property
+    def views(self) -> list[np.ndarray]:
+        """``(480, 640, 3)`` frames."""
+        return [self.flight.image(row) for row in self.rows]
+
+    def train(self, method: str) -> TextonMap:
+        return train_map(self.flight, method=method, rng=stream(self.seed, "training"))

@@ -12,19 +12,15 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from trexton.base.streams import stream
-from trexton.companion.checks.timing import Contest
+from trexton.companion.checks.timing import Contest, Scene
 from trexton.companion.executor import environment
 from trexton.localization.localizer import TextonMap
 from trexton.localization.training import with_parts
-
-if TYPE_CHECKING:
-    from trexton.companion.checks.bench import Scene
 
 __all__ = ["answers", "learning"]
 
