@@ -87,6 +87,15 @@ def test_narrow_figures_and_sheets_of_pictures_are_one_for_all_pages():
     assert with_phone("<svg></svg>", None) == "<svg></svg>"
 
 
+def test_a_style_of_many_marks_is_said_once():
+    with canvas() as (figure, axes):
+        axes[0, 0].plot(np.arange(300), ".", color=COLORS["field"])
+    drawn = inline_figure(to_svg(figure).decode(), "f", "dots")
+    marks, color = re.findall(r'<use [^>]*class="(f-\d+)"', drawn), COLORS["field"].lower()
+    assert len(marks) >= 300 and re.search(rf"\.{marks[-1]} {{[^}}]*{color}", drawn)
+    assert drawn.count(color) < 10  # not with each mark
+
+
 def test_pictures_in_a_figure_get_lighter():
     noise = np.random.default_rng(1).integers(0, 256, (200, 200, 3), np.uint8)
     with canvas() as (figure, axes):

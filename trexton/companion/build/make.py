@@ -34,7 +34,7 @@ _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2ma
 _PATTERNS = ("survey", "waypoints")  # of a training and a test flight
 _REAL = "cyberzoo"
 
-__all__ = ["Made", "Prepared", "build_small_book", "make_book", "prepare_flights", "readme_advice"]
+__all__ = ["Made", "Prepared", "build_small_book", "make_book", "prepare_flights"]
 
 
 @dataclass
@@ -100,20 +100,13 @@ def make_book(
     made.said.append(_build(contents, made.index.parent))
     found = findings(results, records_by_name(results, outcomes))
     made.findings += [" ".join(filter(None, (each["text"], each["flight"]))) for each in found]
-    if not quick and not prepared.absent:
-        text = Path("README.md").read_text(encoding="utf-8")
-        made.said += filter(None, [readme_advice(text, results)])
+    readme = Path("README.md").read_text(encoding="utf-8")
+    if not quick and not prepared.absent and renewed_readme(readme, results) != readme:
+        made.said.append(
+            "README.md has other numbers than these results: "
+            "python -m trexton.companion.build.prose renews it"
+        )
     return made
-
-
-def readme_advice(text: str, results: Path) -> str:
-    """What to do where a README has not the numbers of these results; else nothing."""
-    try:
-        same = renewed_readme(text, results) == text
-    except DataError as error:  # the book stands, whatever the README lacks
-        return str(error)
-    other = "README.md has other numbers than these results"
-    return "" if same else f"{other}: python -m trexton.companion.build.prose renews it"
 
 
 def build_small_book(pairs: list[FlightPair], outcomes: list[Outcome], results: Path) -> Path:
