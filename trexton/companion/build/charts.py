@@ -16,7 +16,7 @@ __all__ = ["is_figure", "inline_figure", "with_phone"]
 
 _PICTURE = re.compile(r'"data:image/png;base64,\s*([^"]{20000,})"')  # worth compressing
 _PHONE = re.compile(r"<!--phone (.*?)-->", re.DOTALL)
-_QUALITY = 72
+_QUALITY = 60
 _NARROW = 400  # points, up to which a figure can be read on a phone as it is
 
 

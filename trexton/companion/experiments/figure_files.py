@@ -26,7 +26,7 @@ _NUMBER = re.compile(r"scale\([^)]*\)|(?<=[ MLQCz\"(,])(-?\d+\.\d{3,})")
 
 
 def to_svg(figure: Figure, **options: Any) -> bytes:
-    """The figure as SVG, its coordinates to a hundredth of a point."""
+    """The figure as SVG, its coordinates to a tenth of a point."""
     stream = io.BytesIO()
     # Identifiers are made from a salt when the figure is written; without it every run has others.
     with matplotlib.rc_context({"svg.hashsalt": "trexton"}):
@@ -35,7 +35,7 @@ def to_svg(figure: Figure, **options: Any) -> bytes:
 
 
 def _rounded(found: re.Match[str]) -> str:
-    return f"{float(found[1]):.2f}".rstrip("0").rstrip(".") if found[1] else found[0]
+    return f"{float(found[1]):.1f}".rstrip("0").rstrip(".") if found[1] else found[0]
 
 
 def for_phones(figure: Figure) -> bytes | None:
