@@ -61,11 +61,11 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
         )
     body = re.sub(r"<metadata>.*?</metadata>", "", svg[start:], flags=re.DOTALL)
     body = body.replace("xlink:href=", "href=")
-    body = re.sub(r'\b(id|href)="(#?)([^":]+)"', rf'\1="\2{name}-\3"', body)
+    # Names of marks, of eleven characters, are shortened: thousands of marks carry them.
+    body = re.sub(r'\b(id|href)="(#?)(m[\da-f]{6}|[^":]+)[\da-f]*"', rf'\1="\2{name}-\3"', body)
     body = body.replace("url(#", f"url(#{name}-")
     body = re.sub(r"#[0-9a-fA-F]{6}\b(?!-)", _themed, body)
     body = _styles_once(_PICTURE.sub(_lighter, body), name)
-    # Of the whole: points to the pixels that a browser counts in.
     body = re.sub(r'\b(width|height)="([\d.]+)pt"', _in_pixels, body, count=2)
     box = re.search(r'viewBox="\S+ \S+ ([\d.]+)', body)
     kind = "chart narrow" if box and float(box[1]) <= _NARROW else "chart"
