@@ -52,7 +52,7 @@ class VirtualFlights(Options):
     ) -> tuple[Flight, list[Flight]]:
         """A survey, and `count` flights between random places an hour later.
 
-        Every second frame is kept unless told otherwise, so that fewer cover the floor.
+        Every second frame is kept unless `every` says otherwise, so that fewer cover the floor.
         """
         x_min, x_max, y_min, y_max = floor.area
         path = 2 * (x_max - x_min) * (y_max - y_min) / LANE

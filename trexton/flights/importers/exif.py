@@ -30,7 +30,7 @@ _ANGLES = (
     ("Gimbal{}Degree", _AHEAD),  # DJI, Autel
     ("Camera{}Degree", _AHEAD),  # Parrot
     ("Camera:{}", AXES["frd"]),  # senseFly, Pix4D
-    ("Flight{}Degree", AXES["frd"]),  # of the vehicle, where the camera's are not told
+    ("Flight{}Degree", AXES["frd"]),  # of the vehicle, where the camera's are not given
     ("Drone{}Degree", AXES["frd"]),
 )
 _NORTH_EAST_DOWN = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
