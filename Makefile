@@ -25,6 +25,7 @@ env: .venv/.ready  ## the environment only (.venv, from environment.lock)
 # then finds no hash for it; whether anything is wanting is asked afterwards.
 .venv/.ready: environment.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 14) else f"Python {v[0]}.{v[1]} found, 3.11 to 3.14 needed: install one of them (pip install uv, then uv python install 3.13, brings one), then make env PYTHON=...")'
+	@test ! -L .venv || { echo ".venv is a link to $$(readlink .venv), and making the environment would empty that: remove the link, then make env" >&2; exit 1; }
 	@echo "making .venv from environment.lock"
 	@$(PYTHON) -m venv --clear .venv
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r environment.lock
