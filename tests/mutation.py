@@ -23,7 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 # module: the files of tests that must notice, the quick ones first
 CORE = {
-    "evaluation/metrics": ["evaluation/test_metrics.py"],
+    "companion/experiments/metrics": ["companion/experiments/test_metrics.py"],
     "localization/filters": ["localization/test_filters.py", "localization/test_particle_parts.py"],
     "localization/neighbors": ["localization/test_neighbors.py", "localization/test_localizer.py"],
     "field/likelihood": ["field/test_likelihood.py", "field/test_tracks.py"],

@@ -123,7 +123,7 @@ def test_the_cache_computes_once_and_again_when_an_input_changes(tmp_path, monke
             cached("kind", "trexton.base.files", inputs, compute)["x"], [0, 1, 2]
         )
         assert len(calls) == expected
-    cached("kind", "trexton.evaluation.metrics", {"n": 1}, compute)  # other code
+    cached("kind", "trexton.evaluation.held_out", {"n": 1}, compute)  # other code
     assert len(calls) == 3
     for path in tmp_path.iterdir():
         path.write_bytes(path.read_bytes()[:40])  # a damaged file is made again

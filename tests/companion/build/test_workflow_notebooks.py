@@ -32,13 +32,15 @@ def test_code_behind_a_notebook_is_found_however_deep(tmp_path):
 
 def test_every_way_to_import_is_understood(tmp_path):
     body = (
-        "%matplotlib inline\n!true\nif True:\n    from trexton.evaluation import (\n  metrics,\n)\n"
+        "%matplotlib inline\n!true\nif True:\n"
+        "    from trexton.evaluation import (\n  held_out,\n)\n"
     )
-    assert "trexton.evaluation.metrics" in read(write_notebook(tmp_path, "lines", body)).code
-    for body in ("import trexton.evaluation.metrics as m", "import os, trexton.evaluation.metrics",
-                 "import os; from trexton.evaluation import metrics; import json"):  # fmt: skip
+    assert "trexton.evaluation.held_out" in read(write_notebook(tmp_path, "lines", body)).code
+    for body in ("import trexton.evaluation.held_out as m",
+                 "import os, trexton.evaluation.held_out",
+                 "import os; from trexton.evaluation import held_out; import json"):  # fmt: skip
         code = read(write_notebook(tmp_path, "named", body)).code
-        assert "trexton.evaluation.metrics" in code
+        assert "trexton.evaluation.held_out" in code
 
 
 def test_a_notebook_that_is_no_text_is_named(tmp_path):

@@ -6,8 +6,8 @@ from small_room import histogram_flight
 
 from trexton.base.streams import stream
 from trexton.companion.experiments.evaluation import trained_map
+from trexton.companion.experiments.metrics import euclidean
 from trexton.companion.experiments.track import fly, tracks
-from trexton.evaluation.metrics import euclidean
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import for_method
 

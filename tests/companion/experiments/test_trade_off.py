@@ -9,9 +9,9 @@ from trexton.base.records import Record
 from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import sweeps, trade_off
 from trexton.companion.experiments.evaluation import frames_of, trained_map
+from trexton.companion.experiments.metrics import absolute_errors
 from trexton.companion.experiments.rates import frequency, milliseconds
 from trexton.companion.experiments.track import tracks
-from trexton.evaluation.metrics import absolute_errors
 from trexton.vision.histograms import texton_histogram
 
 SWEPT = {"samples": (20, 80, None), "particles": (5, 30)}

@@ -17,8 +17,8 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.base.records import Record
 from trexton.companion.experiments.evaluation import evenly_spread
+from trexton.companion.experiments.metrics import euclidean
 from trexton.companion.wording import METRES_FROM, apart, distance, middle, percent
-from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 from trexton.localization.training import training_set

@@ -31,6 +31,7 @@ from trexton.companion.experiments.evaluation import (
     shuffled_neighbors,
     whereabouts,
 )
+from trexton.companion.experiments.metrics import euclidean, summarize
 from trexton.companion.experiments.rates import of_frames
 from trexton.companion.experiments.style import (
     COLORS,
@@ -43,7 +44,6 @@ from trexton.companion.experiments.style import (
 )
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import middle
-from trexton.evaluation.metrics import euclidean, summarize
 from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer

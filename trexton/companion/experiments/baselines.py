@@ -27,10 +27,10 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
+from trexton.companion.experiments.metrics import euclidean, mean_with_interval
 from trexton.companion.experiments.style import COLORS, canvas, plain_log_ticks
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import METRES_FROM, distance, middle, percent
-from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.field.features import is_counted
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap

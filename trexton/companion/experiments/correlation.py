@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import rankdata
 
-from trexton.evaluation.metrics import BLOCK, block_rows, bootstrap_interval
+from trexton.companion.experiments.metrics import BLOCK, block_rows, with_interval
 
 
 def rank_correlation(
@@ -25,7 +25,7 @@ def rank_correlation(
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     rows = np.stack([block_rows(len(a), rng, block) for _ in range(draws)])
     value, *drawn = _spearman(*(np.vstack([each[None], each[rows]]) for each in (a, b)))
-    return _with_interval(value, drawn, len(a), block)
+    return with_interval(value, drawn, len(a), block)
 
 
 def pair_correlation(
@@ -53,7 +53,7 @@ def pair_correlation(
             correlation(np.bincount(block_rows(count, rng), minlength=count).astype(float))
             for _ in range(draws)
         ]
-        return _with_interval(correlation(np.ones(count)), drawn, count)
+        return with_interval(correlation(np.ones(count)), drawn, count)
 
 
 def pearson(a: np.ndarray, b: np.ndarray) -> float:
@@ -80,12 +80,3 @@ def _pair_ranks(matrix: np.ndarray) -> np.ndarray:
     ranks = np.zeros_like(matrix)
     ranks[upper] = rankdata(matrix[upper]) / len(upper[0]) - 0.5
     return ranks + ranks.T
-
-
-def _with_interval(
-    value: float, drawn: list[float], count: int, block: int = BLOCK
-) -> dict[str, Any]:
-    low = high = np.nan
-    if np.isfinite(drawn).any():
-        low, high = bootstrap_interval(drawn, count, block)
-    return {"value": value, "low": low, "high": high}

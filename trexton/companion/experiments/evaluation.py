@@ -13,14 +13,14 @@ from trexton.base.defaults import NEIGHBORS, TEXTONS
 from trexton.base.progress import progress
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import MapParameters
-from trexton.companion.experiments.track import ARRAYS, Track, tracks
-from trexton.evaluation.metrics import (
+from trexton.companion.experiments.metrics import (
     block_rows,
-    bootstrap_interval,
     euclidean,
     mean_with_interval,
     summarize,
+    with_interval,
 )
+from trexton.companion.experiments.track import ARRAYS, Track, tracks
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import from_arrays, to_arrays
@@ -104,7 +104,7 @@ def method_map(train: Flight, parameters: MapParameters, method: str) -> TextonM
 
 
 def errors_of(runs: Sequence[Track], test: Flight, seed: int) -> dict[str, Any]:
-    """What `trexton.evaluation.metrics.summarize` gives of runs; the same wherever it is asked."""
+    """What `summarize` gives of runs; the same wherever it is asked."""
     rng, positions = stream(seed, "intervals"), [run.position for run in runs]
     return summarize(positions, test.position, test.diagonal, rng=rng)
 
@@ -183,12 +183,8 @@ def drift(runs: list[Track], test: Flight, *, rng: np.random.Generator) -> dict[
         return float(np.polyfit(minutes[rows], error_cm[run][rows], 1)[0])
 
     drawn = [slope(int(rng.integers(len(runs))), block_rows(len(test), rng)) for _ in range(500)]
-    low, high = bootstrap_interval(drawn, len(test))
-    return {
-        "value": np.median([slope(run, np.arange(len(test))) for run in range(len(runs))]),
-        "low": low,
-        "high": high,
-    }
+    median = np.median([slope(run, np.arange(len(test))) for run in range(len(runs))])
+    return with_interval(median, drawn, len(test))
 
 
 def whereabouts(train: Flight) -> dict[str, Any]:

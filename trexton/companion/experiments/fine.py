@@ -22,11 +22,11 @@ from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, SeedParameters, option
 from trexton.companion.experiments.floors import painted_floor
 from trexton.companion.experiments.kidnapping import recovered_after
+from trexton.companion.experiments.metrics import euclidean, mean_with_interval
 from trexton.companion.experiments.mosaic import stitched_map
 from trexton.companion.experiments.rates import mean_over_groups, of_frames, success_rate
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import HELD
-from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import Trust, learn_trust

@@ -16,8 +16,8 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SeedParameters
+from trexton.companion.experiments.metrics import mean_with_interval
 from trexton.companion.experiments.rates import mean_over_groups
-from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.flights.registry import data_folder
 from trexton.simulator import LAYOUTS, Floor

@@ -14,10 +14,10 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters
 from trexton.companion.experiments.evaluation import map_picture
+from trexton.companion.experiments.metrics import summarize
 from trexton.companion.experiments.mosaic import locate_all, stitched_map
 from trexton.companion.experiments.style import COLORS, joined_plan
 from trexton.companion.wording import distance, number
-from trexton.evaluation.metrics import summarize
 from trexton.flights.flight import Flight
 
 

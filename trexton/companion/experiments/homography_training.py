@@ -15,11 +15,11 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import map_of
+from trexton.companion.experiments.metrics import euclidean, summarize
 from trexton.companion.experiments.mocap_training import train_and_fly
 from trexton.companion.experiments.mosaic import locate_all, stitched_map
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.wording import middle, number
-from trexton.evaluation.metrics import euclidean, summarize
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 

@@ -21,11 +21,11 @@ from trexton.base.streams import stream
 from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
+from trexton.companion.experiments.metrics import euclidean
 from trexton.companion.experiments.rates import success_rate
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import middle, number, percent
-from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import for_method

@@ -21,8 +21,8 @@ from trexton.base.streams import stream
 from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SeedParameters, option
 from trexton.companion.experiments.floors import lent_floor
+from trexton.companion.experiments.metrics import euclidean
 from trexton.companion.experiments.style import COLORS
-from trexton.evaluation.metrics import euclidean
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone

@@ -27,14 +27,14 @@ from trexton.companion.experiments.evaluation import (
     shuffled_neighbors,
     whereabouts,
 )
-from trexton.companion.experiments.style import COLORS, joined_plan
-from trexton.companion.experiments.track import Track, tracks
-from trexton.companion.wording import beside, distance, middle, number, percent
-from trexton.evaluation.metrics import (
+from trexton.companion.experiments.metrics import (
     absolute_errors,
     mean_with_interval,
     summarize,
 )
+from trexton.companion.experiments.style import COLORS, joined_plan
+from trexton.companion.experiments.track import Track, tracks
+from trexton.companion.wording import beside, distance, middle, number, percent
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 

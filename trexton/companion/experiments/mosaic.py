@@ -16,9 +16,9 @@ from trexton.base.progress import progress
 from trexton.base.records import Record
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters
 from trexton.companion.experiments.evaluation import map_picture
+from trexton.companion.experiments.metrics import euclidean
 from trexton.companion.experiments.style import SERIES, legend_below, plan_canvas
 from trexton.companion.wording import number
-from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 from trexton.registration.homography import HomographyLocalizer
 from trexton.registration.mosaic import Mosaic, stitch

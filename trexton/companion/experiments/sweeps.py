@@ -21,9 +21,9 @@ from trexton.companion.checks.tuning import replayed_errors
 from trexton.companion.executor import spread, working_on
 from trexton.companion.experiments.declaration import MapParameters
 from trexton.companion.experiments.evaluation import errors_of, flown, frames_of, map_of
+from trexton.companion.experiments.metrics import summarize
 from trexton.companion.experiments.rates import frequency, milliseconds
 from trexton.companion.experiments.track import Track, fly, tracks
-from trexton.evaluation.metrics import summarize
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.neighbors import NearestHistograms

@@ -12,7 +12,7 @@ import numpy as np
 
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
-from trexton.evaluation.metrics import euclidean
+from trexton.companion.experiments.metrics import euclidean
 from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer, TextonMap

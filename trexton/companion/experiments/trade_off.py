@@ -19,6 +19,7 @@ from trexton.companion.executor import limited_threads
 from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import errors_of
+from trexton.companion.experiments.metrics import absolute_errors, block_rows, with_interval
 from trexton.companion.experiments.style import (
     COLORS,
     SERIES,
@@ -30,7 +31,6 @@ from trexton.companion.experiments.style import (
 from trexton.companion.experiments.sweeps import SWEPT, Bench, Sweep, choose_setting, time_stored
 from trexton.companion.experiments.track import Track
 from trexton.companion.wording import interval, middle, number
-from trexton.evaluation.metrics import absolute_errors, block_rows, bootstrap_interval
 from trexton.flights.flight import Flight
 
 
@@ -132,9 +132,8 @@ def _gain(
         drawn.append(
             share(first[rng.integers(len(first)), rows], second[rng.integers(len(second)), rows])
         )
-    low, high = bootstrap_interval(drawn, len(test))
     value = share(np.median(first.mean(axis=1)), np.median(second.mean(axis=1)))
-    return {"value": value, "low": low, "high": high}
+    return with_interval(value, drawn, len(test))
 
 
 def finding(record: Record) -> str:

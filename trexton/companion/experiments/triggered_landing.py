@@ -29,11 +29,11 @@ from trexton.companion.experiments.landings import (
     mission_over,
     zone_ring,
 )
+from trexton.companion.experiments.metrics import with_interval
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.rates import success_rate
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, show_floor
 from trexton.companion.wording import middle, number, percent
-from trexton.evaluation.metrics import bootstrap_interval
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone
 
@@ -99,8 +99,7 @@ def _mean(values: np.ndarray, rng: np.random.Generator) -> dict[str, Any] | None
     if not len(values):
         return None
     means = values[rng.integers(len(values), size=(2000, len(values)))].mean(axis=1)
-    low, high = bootstrap_interval(means, len(values), block=1)
-    return {"value": values.mean(), "low": low, "high": high}
+    return with_interval(values.mean(), means, len(values), block=1)
 
 
 def _series(attempts: list[Attempt], parameters: LandingParameters) -> dict[str, Any]:

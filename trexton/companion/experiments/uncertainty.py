@@ -17,6 +17,7 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import coverage, drawn_histograms, flown, method_map
+from trexton.companion.experiments.metrics import mean_with_interval
 from trexton.companion.experiments.receivers import RECEIVERS, Receiver, Settings, readings
 from trexton.companion.experiments.style import (
     COLORS,
@@ -27,7 +28,6 @@ from trexton.companion.experiments.style import (
 )
 from trexton.companion.experiments.track import HELD, Track, tracks
 from trexton.companion.wording import middle, percent
-from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
 

@@ -43,10 +43,11 @@ def _fitting(block: int, count: int) -> int:
     return max(1, min(block, count // _MIN_BLOCKS))
 
 
-def bootstrap_interval(
-    drawn: Sequence[Any] | np.ndarray, count: int, block: int = BLOCK
-) -> np.ndarray:
-    """95 % interval of a statistic of `count` rows, from its values where blocks were drawn anew.
+def with_interval(
+    value: Any, drawn: Sequence[Any] | np.ndarray, count: int, block: int = BLOCK
+) -> dict[str, Any]:
+    """A statistic of `count` rows as records hold it, with its 95 % interval from its values where
+    blocks were drawn anew.
 
     Percentiles, as far out as Student's t asks for so few blocks (the expanded percentile interval
     of Hesterberg, The American Statistician 69, 2015); plain ones hold less than they say.
@@ -54,19 +55,17 @@ def bootstrap_interval(
     Parameters
     ----------
     drawn : (draws,) or (draws, K) array
-        NaN where a draw has no value.
+        NaN where a draw has no value; where none has, nor have the ends of the interval.
     count, block : int
         Rows in the sample, and in a block.
-
-    Returns
-    -------
-    (2,) or (2, K) array
     """
     blocks = -(-count // _fitting(block, count))
-    tail = 0.0
+    tail, low, high = 0.0, np.nan, np.nan
     if blocks > 1:
         tail = 100 * ndtr(np.sqrt(blocks / (blocks - 1)) * stdtrit(blocks - 1, 0.025))
-    return np.nanpercentile(drawn, (tail, 100 - tail), axis=0)
+    if np.isfinite(drawn).any():
+        low, high = np.nanpercentile(drawn, (tail, 100 - tail), axis=0)
+    return {"value": value, "low": low, "high": high}
 
 
 def mean_with_interval(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
@@ -75,8 +74,7 @@ def mean_with_interval(rows: np.ndarray, rng: np.random.Generator) -> dict[str, 
     """
     runs, count = rows.shape
     drawn = [rows[rng.integers(runs), block_rows(count, rng)] for _ in range(500)]
-    low, high = bootstrap_interval([np.nanmean(each) for each in drawn], count)
-    return {"value": np.nanmean(rows), "low": low, "high": high}
+    return with_interval(np.nanmean(rows), [np.nanmean(each) for each in drawn], count)
 
 
 def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, float]:
@@ -143,7 +141,6 @@ def summarize(
         for tracks in (absolute, drawn)
     )
     for name in of_runs[0]:
-        low, high = bootstrap_interval([each[name] for each in of_draws], count)
         median = np.percentile([each[name] for each in of_runs], 50)
-        result[name] = {"value": median, "low": low, "high": high}
+        result[name] = with_interval(median, [each[name] for each in of_draws], count)
     return result

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from trexton.companion.experiments.evaluation import constant_guess, shuffled_neighbors
+from trexton.companion.experiments.metrics import block_rows, euclidean, summarize
 from trexton.companion.experiments.rates import mean_over_groups, success_rate, wilson_interval
-from trexton.evaluation.metrics import block_rows, euclidean, summarize
 
 
 def test_summary_of_one_run_equals_the_plain_definitions(rng):

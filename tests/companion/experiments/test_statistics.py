@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from small_room import observations, random_walk, rank_mixture
 
 from trexton.companion.experiments.floors import mean_over_floors
+from trexton.companion.experiments.metrics import block_rows, summarize, with_interval
 from trexton.companion.experiments.rates import wilson_interval
 from trexton.companion.experiments.sweeps import TreeSearch
-from trexton.evaluation.metrics import block_rows, bootstrap_interval, summarize
 from trexton.evaluation.suitability import local_losses
 from trexton.flights import read_flight, write_flight
 from trexton.localization.estimate import Estimate
@@ -109,7 +109,8 @@ def test_printed_intervals_of_errors_hold_what_they_say(frames):
     for draw in range(draws):
         again.integers(1)  # which of the runs: there is one
         weights[draw] = np.bincount(block_rows(frames, again), minlength=frames) / frames
-    low, high = bootstrap_interval(weights @ np.hypot(*np.moveaxis(errors, 2, 0)).T, frames)
+    drawn = weights @ np.hypot(*np.moveaxis(errors, 2, 0)).T
+    _, low, high = with_interval(0.0, drawn, frames).values()
     # These are the intervals that are printed.
     printed = summarize(
         [errors[0] / 100], np.zeros((frames, 2)), 5.0, rng=np.random.default_rng(4)
@@ -124,10 +125,11 @@ def test_an_interval_of_few_blocks_is_as_wide_as_students():
 
     drawn = norm.ppf((np.arange(100_000) + 0.5) / 100_000)
     for blocks in (5, 20, 100):
-        low, high = bootstrap_interval(drawn, 12 * blocks)
+        _, low, high = with_interval(0.0, drawn, 12 * blocks).values()
         wide = t.isf(0.025, blocks - 1) * np.sqrt(blocks / (blocks - 1))
         assert -low == pytest.approx(wide, rel=0.01) and high == pytest.approx(wide, rel=0.01)
-    assert bootstrap_interval([1.0, 2.0, np.nan], 3) == pytest.approx([1, 2])  # all there is
+    _, *ends = with_interval(0.0, [1.0, 2.0, np.nan], 3).values()
+    assert ends == pytest.approx([1, 2])  # all there is
 
 
 @pytest.mark.parametrize("rate", [0.1, 0.5, 0.93])
