@@ -97,6 +97,14 @@ def test_particles_all_over_the_area_are_no_position(rng):
     assert Fix.of(make_estimate(spread=(np.nan, 0.1)), 0.0, 1, area, 0.08).lost
 
 
+def test_the_largest_claim_has_a_90_percent_region_of_half_the_area(rng):
+    area = (0.0, 4.0, 0.0, 4.0)
+    sigma = LOST_SHARE * ignorance(area)[0]
+    drawn = rng.normal(0, sigma, (20000, 2))
+    radius = np.quantile(np.hypot(*drawn.T), 0.9)
+    np.testing.assert_allclose(np.pi * radius**2, 0.5 * 4.0 * 4.0, rtol=0.03)
+
+
 class Sent:
     """What becomes of fixes of a track, ten a second."""
 

@@ -15,7 +15,7 @@ import numpy as np
 from trexton.base.defaults import SAMPLES
 from trexton.base.errors import MapError
 from trexton.flights.flight import Flight
-from trexton.localization.estimate import Estimate
+from trexton.localization.estimate import CHI2_90, Estimate
 from trexton.localization.localizer import Localizer
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import with_parts
@@ -24,7 +24,6 @@ from trexton.localization.training_set import EXCLUDED_SECONDS
 WARM_S = 2.0  # in which a filter settles: flown, but not judged
 STRETCH_S = 5.0
 MOST_STRETCHES = 8
-CHI2_90 = -2 * np.log(0.1)  # of two degrees of freedom
 LEAST_COVERAGE = 0.8  # of the 90 % region, for a covariance that others may believe
 
 

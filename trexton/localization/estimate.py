@@ -9,9 +9,8 @@ import numpy as np
 
 from trexton.localization.neighbors import Neighbors
 
-# A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by
-# the kidnapping experiment, which shows what other shares would miss and what they would refuse.
-LOST_SHARE = 0.5
+CHI2_90 = float(-2 * np.log(0.1))  # of two degrees of freedom
+LOST_SHARE = float(np.sqrt(6 / (np.pi * CHI2_90)))  # of ignorance: .64, see `Estimate.lost_in`
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -117,7 +116,11 @@ class Estimate:
         return Measurement(own.position, factor * own.covariance, own.independent_s)
 
     def lost_in(self, area: tuple[float, float, float, float]) -> bool:
-        """Whether it must not be trusted: it says so, or may be anywhere in much of the area."""
+        """Whether it must not be trusted: it says so, or it tells next to nothing of the area.
+
+        A 90 % region of deviation s along each axis covers pi s^2 `CHI2_90`, of a square of side a
+        half at s = .186 a: that is `LOST_SHARE` of a / sqrt(12), if only the area is known.
+        """
         wide = np.sqrt(np.trace(self.about_position))
         return self.lost or not wide <= LOST_SHARE * float(np.hypot(*ignorance(area)))
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from trexton.base.defaults import SAMPLES
 from trexton.localization.base import learned
-from trexton.localization.estimate import Estimate
+from trexton.localization.estimate import CHI2_90, Estimate
 from trexton.localization.filters import Filter
 from trexton.localization.motion import MotionModel
 from trexton.localization.neighbors import Distance, neighbors_in_flight
@@ -29,8 +29,6 @@ SCALES = (0.2, 0.35, 0.6, 1.0, 1.6)  # of the emission, over the median distance
 REACHES = (1.0, 2.0, 4.0)  # of the transition, over the root mean square step of a frame
 TELEPORT = 1e-3  # probability a frame of a jump to any state
 MIN_SIGMA = 0.01  # metres, of what is claimed
-CONFIDENCE = 0.9  # of the regions that are claimed
-CHI2_90 = -2 * np.log(1 - CONFIDENCE)  # of two degrees of freedom
 TINY = 1e-30  # least weight of a state: smaller numbers would take longer
 
 
@@ -105,7 +103,7 @@ def _lacking(off: np.ndarray, spread: np.ndarray) -> float:
     while True:
         precision = np.linalg.inv(spread + sigma**2 * np.eye(2))
         squared = np.einsum("ni,nij,nj->n", off, precision, off)
-        if np.quantile(squared, CONFIDENCE) <= CHI2_90:
+        if np.quantile(squared, 0.9) <= CHI2_90:
             return sigma
         sigma *= 1.1
 
