@@ -78,7 +78,7 @@ mutation: env  ## faults put into five core modules: the share that a test notic
 bench: env  ## speed of every stage, as ratios within one run
 	@$(BIN)/trexton bench $(ARGS)
 
-full: env  ## the long sweep of data/sweeps, coarse to fine, landings, aiding and survey density over many floors, results to data/reference
+full: env  ## the long sweep of data/sweeps, fine, landings, aiding and survey density over many floors, results to data/reference
 	@for plan in data/sweeps/*.toml; do name=$$(basename $$plan .toml); \
 	  rm -f results/sweeps/$$name/sweep.json; $(BIN)/trexton sweep $$plan --out results/sweeps/$$name $(ARGS); \
 	  cp results/sweeps/$$name/sweep.json data/reference/sweep-$$name.json || exit 1; done

@@ -1,7 +1,7 @@
-"""Coarse to fine: where a frame lies on a picture of the floor, to a fraction of a pixel.
+"""Method `fine`: where a frame lies on a picture of the floor, to a fraction of a pixel.
 
-Textons say where about a vehicle is; the image itself says where exactly. Normalised
-cross-correlation at a coarse resolution gives a belief over the whole floor, moved from frame to
-frame by visual odometry; optical flow against the view expected at the most likely places gives the
-camera's pose.
+Normalised cross-correlation at a coarse resolution gives a belief over the whole floor, moved from
+frame to frame by visual odometry; optical flow against the view expected at the most likely places
+gives the camera's pose. The mosaic that makes such a picture, and the paper's homography, stand
+beside it.
 """

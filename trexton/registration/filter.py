@@ -70,12 +70,12 @@ class Registration(Filter):
         flight = training.flight
         if flight is None:
             raise MapError(
-                "coarse to fine learns from the frames of a flight: choose it when training, as in "
+                "method fine learns from the frames of a flight: choose it when training, as in "
                 "trexton train FLIGHT --method fine"
             )
         if not flight.has_images:
             raise MapError(
-                "coarse to fine looks at images, and this training set has none: "
+                "method fine looks at images, and this training set has none: "
                 "train on a flight with images"
             )
         picture, lens = _surroundings(flight)
@@ -120,7 +120,7 @@ class Registration(Filter):
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator
     ) -> RunningRegistration:
         if self.floor is None:
-            raise MapError("coarse to fine has no picture of the floor: train the map for it")
+            raise MapError("method fine has no picture of the floor: train the map for it")
         return RunningRegistration(self.tracker(), texton_map.area, texton_map.period_s)
 
 
@@ -161,7 +161,7 @@ class RunningRegistration:
         if observation is None:
             self._fix = fix = self.tracker.step(None)
         elif observation.frame is None:
-            raise MapError("coarse to fine looks at images, and was given a histogram: give frames")
+            raise MapError("method fine looks at images, and was given a histogram: give frames")
         else:
             aiding, stamp = observation.aiding, observation.time
             self._fix = fix = self.tracker.step(

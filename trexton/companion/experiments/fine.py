@@ -1,4 +1,4 @@
-"""Coarse to fine: textons say where about, the image says exactly where.
+"""Method `fine`: the image is registered with a picture of the floor, coarse to fine.
 
 Beyond the paper. The recorded flight on two maps of its floor; virtual flights over floors on which
 nothing was tuned, repeating ones among them; kidnappings. Times are those of the processor.
@@ -60,7 +60,7 @@ class Parameters(SeedParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Fly coarse to fine over the test flight, over virtual floors, and kidnapped.
+    """Fly method `fine` over the test flight, over virtual floors, and kidnapped.
 
     Parameters
     ----------

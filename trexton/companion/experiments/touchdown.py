@@ -65,7 +65,7 @@ LANDERS = {
     "field_odometry": Entry(
         "Field and visual odometry", "odometry", aiding=(*ATTITUDE, "height")
     ),
-    "fine": Entry("Coarse to fine", "fine", aiding=ATTITUDE),
+    "fine": Entry("Method fine", "fine", aiding=ATTITUDE),
     "truth": Entry("The true position", "truth"),
 }  # fmt: skip
 CELLS = 2  # parts of the image a side for the field
