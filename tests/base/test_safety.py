@@ -266,6 +266,7 @@ def test_heads_that_end_too_soon_declare_nothing_large(data):
     [
         (OSError(28, "No space left on device", "/out/file"), "/out/file: No space left on device"),
         (MemoryError(), "use fewer frames"),
+        (ImportError("cv2.abi3.so: failed to map segment from shared object"), "use fewer frames"),
         (RecursionError(), "nested too deeply"),
         (TrextonError("as it is"), "as it is"),
     ],

@@ -115,6 +115,18 @@ def test_an_interrupt_and_a_closed_pipe_leave_no_traceback(flight_folder):
     assert "Traceback" not in process.stderr
 
 
+@pytest.mark.parametrize("words", ["methods", "check nowhere", "--version"])
+def test_a_closed_output_is_a_sentence(words):
+    command = f"{sys.executable} -m trexton {words} >&-"
+    done = subprocess.run(command, shell=True, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert "standard output is closed" in done.stderr
+    silent = subprocess.run(f"{command} 2>&-", shell=True, capture_output=True)
+    assert silent.returncode == 1
+    spoken = subprocess.run(f"{sys.executable} -m trexton nonsense 2>&-", shell=True)
+    assert spoken.returncode == 2
+
+
 def test_methods_lists_parts_with_what_they_read_and_their_options(capsys):
     assert cli.main(["methods", "field"]) == 0
     said = capsys.readouterr().out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import tracemalloc
 from contextlib import closing
 
 import cv2
@@ -216,7 +217,7 @@ def test_images_of_a_bag_that_are_too_large_are_refused(tmp_path, monkeypatch, b
     """A bag of kilobytes may declare pixels of gigabytes."""
     write_bag(tmp_path / "bag")
     monkeypatch.setattr(f"trexton.flights.importers.bag.{bound}", 1000)
-    with pytest.raises(TrextonError, match="/camera .* expected at most 1,000"):
+    with pytest.raises(TrextonError, match="pixels: expected at most 1,000|bytes: .* to 1,000"):
         import_flight(tmp_path / "bag", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
@@ -228,6 +229,7 @@ def test_a_packed_bag_is_read_but_not_one_that_unpacks_to_gigabytes(
     write_bag(tmp_path / "bag", container, packed)
     assert len(import_flight(tmp_path / "bag", tmp_path / "out")[0]) == 5
     monkeypatch.setattr("trexton.flights.importers.bag.MOST_BYTES", 1)
+    monkeypatch.setattr("trexton.flights.importers.bag._check_tables", lambda source: None)
     with pytest.raises(TrextonError, match="would unpack to more than"):
         import_flight(tmp_path / "bag", tmp_path / "other")
 
@@ -254,6 +256,20 @@ def test_a_bag_whose_messages_are_computed_is_refused(tmp_path, computed, alone)
     source = file.rename(tmp_path / "b.db3") if alone else tmp_path / "bag"
     with pytest.raises(TrextonError, match="is computed: expected stored messages"):
         import_flight(source, tmp_path / "out")
+
+
+def test_a_message_of_a_database_is_measured_before_it_is_read(tmp_path):
+    write_bag(tmp_path / "bag")
+    (file,) = (tmp_path / "bag").glob("*.db3")
+    with closing(sqlite3.connect(file)) as base:
+        base.execute("UPDATE messages SET data = zeroblob(160000000) WHERE id = 2")
+        base.commit()
+    tracemalloc.start()
+    with pytest.raises(TrextonError, match="a message of 160,000,000 bytes"):
+        import_flight(tmp_path / "bag", tmp_path / "out")
+    assert tracemalloc.get_traced_memory()[1] < 50e6
+    tracemalloc.stop()
+    file.unlink()
 
 
 def test_a_video_that_declares_too_much_is_refused_before_a_frame_is_made(tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import signal
 import sys
 import threading
@@ -85,6 +86,10 @@ def main(argv: list[str] | None = None) -> int:
     A fault is one sentence on standard error; a bug, ours or of a plugin, keeps its traceback.
     """
     argv = sys.argv[1:] if argv is None else argv
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
+    if sys.stdout is None:
+        print("trexton: standard output is closed: send it to /dev/null instead", file=sys.stderr)
+        return 1
     chosen = next((word for word in argv if not word.startswith("-")), None)
     first = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     _add_plugin(first)  # what a plugin offers is among the choices of the parser
@@ -123,14 +128,15 @@ def sentence(error: Exception) -> str | None:
     """What a person reads of an error; None where it is a bug."""
     if isinstance(error, TrextonError):
         return str(error)
+    # Of a shared library that finds no room, only the loader's words tell.
+    if isinstance(error, MemoryError) or "failed to map" in f"{error}{error.__context__}":
+        return "the memory does not suffice: use fewer frames, or smaller images"
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return f"{where}{error.strerror or error}: nothing was changed, mend it and try again"
     if isinstance(error, UnicodeEncodeError):
         name = ascii(error.object[max(0, error.start - 20) : error.end + 20])
         return f"a name is not UTF-8 (at {name}): rename the file or folder"
-    if isinstance(error, MemoryError):
-        return "the memory does not suffice: use fewer frames, or smaller images"
     if isinstance(error, RuntimeError) and "home directory" in str(error):
         return "no home folder is known: set HOME to a folder that may be written to"
     if isinstance(error, RecursionError):

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -93,6 +94,22 @@ _KEYS: dict[str, dict[str, tuple[Callable[[Any], bool], str]]] = {
     "split": {},  # names of a person's own
 }  # fmt: skip
 _FREE = {"center_px", *_KEYS[""]}  # may be left out
+# To parse it takes the square of its parts.
+_LONG_KEY = re.compile(
+    r"""(?<![\w-])(([\w-]++|"(\\.|[^"\\\n])*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){30}"""
+)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """What is in a TOML file; raises `FlightError` where it cannot be read."""
+    text = read_text(path)
+    try:
+        if _LONG_KEY.search(text):
+            raise ValueError("a key has more than 30 parts")
+        repr(content := tomllib.loads(text))  # what cannot be said is refused here
+    except (ValueError, RecursionError) as error:  # TOML's own, or a number of too many digits
+        raise FlightError(f"{path}: not valid TOML ({error}): correct it") from None
+    return content
 
 
 def read_header(path: Path) -> tuple[dict[str, Any] | None, list[str]]:
@@ -100,11 +117,9 @@ def read_header(path: Path) -> tuple[dict[str, Any] | None, list[str]]:
     if not path.exists():
         return None, [f"{path}: not found: a flight folder needs flight.toml with at least a name"]
     try:
-        repr(header := tomllib.loads(read_text(path)))  # what cannot be said is refused here
+        header = read_toml(path)
     except FlightError as error:
         return None, [str(error)]
-    except (ValueError, RecursionError) as error:  # TOML's own, or a number of too many digits
-        return None, [f"{path}: not valid TOML ({error}): correct it"]
     faults = [f"{path}: {fault}" for fault in _faults(header)]
     return (None if faults else header), faults
 

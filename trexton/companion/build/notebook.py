@@ -32,6 +32,7 @@ from trexton.companion.wording import (
     METRES_FROM,
     Tree,
     as_html,
+    distance,
     flight_title,
     interval,
     middle,
@@ -154,15 +155,19 @@ class Page:
         return self.frame(pd.DataFrame(table).fillna(""), caption, name)
 
     def quantities(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
-        """Numbers of the record: label, and place in its values; the absent are left out."""
-        values: dict[str, Any] = {
-            label: look_up(self.record.values, path) for label, path in rows.items()
-        }
-        table = [
-            {"": label, " ": interval(value) if isinstance(value, Mapping) else _number(value)}
-            for label, value in values.items()
-            if value is not None
-        ]
+        """Numbers of the record: label, and place in its values; the absent are left out. Those in
+        cm are in metres where all are that large.
+        """
+        found = {label: look_up(self.record.values, path) for label, path in rows.items()}
+        values: dict[str, Any] = {key: each for key, each in found.items() if each is not None}
+        lengths = [middle(each) for key, each in values.items() if key.endswith(" (cm)")]
+        metres, table = min(lengths, default=0) >= METRES_FROM, []
+        for label, value in values.items():
+            if metres and label.endswith(" (cm)"):
+                label, cell = label.removesuffix(" (cm)"), distance(value, True)
+            else:
+                cell = interval(value) if isinstance(value, Mapping) else _number(value)
+            table.append({"": label, " ": cell})
         return self.frame(pd.DataFrame(table), caption, name)
 
     def footer(self) -> HTML:

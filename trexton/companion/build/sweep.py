@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,7 +17,7 @@ from typing import Any, NamedTuple
 
 from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError
-from trexton.base.files import atomic_file, canonical_json, digest, read_text
+from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.options import Options, option
 from trexton.base.records import Record
 from trexton.companion.build import engine
@@ -31,6 +30,7 @@ from trexton.companion.build.workers import Call, callers
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import made_by
+from trexton.flights.header import read_toml
 
 __all__ = ["SweepPlan", "Swept", "read_plan", "sweep"]
 
@@ -77,13 +77,10 @@ def read_plan(path: Path) -> SweepPlan:
 
     Raises
     ------
-    ParameterError
+    TrextonError
         It cannot be read, or something in it has another type.
     """
-    try:
-        repr(said := tomllib.loads(read_text(path)))  # what cannot be said is refused here
-    except (ValueError, RecursionError) as error:
-        raise ParameterError(f"{path}: no readable plan ({error})") from None
+    said = read_toml(path)
     settings, flights = said.pop("set", {}), said.pop("flights", [])
     if not (isinstance(flights, list) and all(isinstance(one, str) for one in flights)):
         raise ParameterError(f"{path}: flights is {flights!r}: expected a list of texts")

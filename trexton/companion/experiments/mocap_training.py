@@ -1,4 +1,4 @@
-"""Training on motion-capture positions (paper, "Training Set based on Motion Tracking System"). The
+"""Training on measured positions (paper, "Training Set based on Motion Tracking System"). The
 error of the filter and of its neighbours.
 """
 
@@ -169,5 +169,5 @@ def floor_plan(record: Record) -> Figure:
 
 
 EXPERIMENT = Experiment(
-    "Training on motion-capture positions", Parameters, run, finding, needs=POSITIONS, cost_s=40
+    "Training on measured positions", Parameters, run, finding, needs=POSITIONS, cost_s=40
 )

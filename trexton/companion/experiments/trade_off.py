@@ -7,6 +7,7 @@ Discussion).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from trexton.companion.experiments.style import (
 )
 from trexton.companion.experiments.sweeps import SWEPT, Bench, Sweep, choose_setting, time_stored
 from trexton.companion.experiments.track import Track
-from trexton.companion.wording import interval, middle, number
+from trexton.companion.wording import METRES_FROM, distance, middle
 from trexton.flights.flight import Flight
 
 
@@ -139,8 +140,9 @@ def _gain(
 def finding(record: Record) -> str:
     """What the experiment found, in a few sentences."""
     values = record.values
-    default = number(middle(values["default"]["axis_mean_cm"]))
-    text = f"With the paper's settings its filter has an error of {default} cm an axis."
+    default = middle(values["default"]["axis_mean_cm"])
+    say = partial(distance, metres=default >= METRES_FROM)
+    text = f"With the paper's settings its filter has an error of {say(default)} an axis."
     if "tuned" in values:
         setting = values["tuned_setting"]
         words = f"{setting['particles']} particles, k = {setting['neighbors']}"
@@ -148,13 +150,13 @@ def finding(record: Record) -> str:
             words += f", {setting['samples'] or 'all'} samples"
         text += (
             f" Of {len(record.series['grid'])} settings a replay of the training flight chooses "
-            f"{words}, with {interval(values['tuned_error_cm'], 'cm')}."
+            f"{words}, with {say(values['tuned_error_cm'])}."
         )
     if "fewest_samples_error_cm" in values:
         few, full = values["fewest_samples_error_cm"], values["full_sampling_error_cm"]
         text += (
             f" Every patch instead of {SWEPT['samples'][0]} brings the error in x from "
-            f"{number(middle(few))} to {number(middle(full))} cm."
+            f"{say(middle(few))} to {say(middle(full))}."
         )
     return text
 

@@ -192,13 +192,18 @@ def _bounded(kind: Callable[[], Any]) -> Callable[..., bytes]:
 
 
 def _check_tables(source: Path) -> None:
-    """Refuse a database whose messages are computed as they are read: they may never end."""
+    """Refuse a database whose messages are computed as they are read, which may never end, or so
+    large that reading one would fill the memory.
+    """
     for file in source.glob("*.db3") if source.is_dir() else [source] * (source.suffix == ".db3"):
         address = f"{file.resolve().as_uri()}?mode=ro&immutable=1"
         with closing(sqlite3.connect(address, uri=True)) as base:
             for name, made in base.execute("SELECT name, sql FROM sqlite_master"):
                 if re.search(r"\bas\b", made or "", re.IGNORECASE):
                     raise ValueError(f"its {name!r} is computed: expected stored messages")
+            (largest,) = base.execute("SELECT max(length(data)) FROM messages").fetchone()
+            if (largest or 0) > MOST_BYTES:
+                raise ValueError(f"a message of {largest:,} bytes: expected up to {MOST_BYTES:,}")
 
 
 def _refuse_file(*_: Any) -> NoReturn:
