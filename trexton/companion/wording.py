@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "METRES_FROM", "Tree", "apart", "as_html", "beside", "distance", "fixed", "flight_title",
-    "interval", "middle", "number", "percent", "span", "template_environment", "text", "times",
+    "interval", "lengths", "middle", "number", "percent", "span", "template_environment", "text",
+    "times",
 ]  # fmt: skip
 
 METRES_FROM = 200  # centimetres: longer distances are said in metres
@@ -58,6 +60,11 @@ def distance(entry: Mapping[str, Any] | float, metres: bool | None = None) -> st
     if not isinstance(entry, Mapping):
         return f"{number(scale * entry)} {unit}"
     return interval({key: scale * entry[key] for key in ("value", "low", "high")}, unit)
+
+
+def lengths(cm: float) -> Callable[[Mapping[str, Any] | float], str]:
+    """Says distances in cm in one unit: that of this one."""
+    return partial(distance, metres=cm >= METRES_FROM)
 
 
 def percent(share: Mapping[str, Any] | float | None) -> str:

@@ -72,7 +72,7 @@ def _style() -> str:
 def _rows(record: Record) -> list[list[str]]:
     """Name, mean, median and 95th percentile of each method, the best first."""
     errors: dict[str, Any] = record.values["errors"]
-    say = advice.lengths(record)
+    say = advice.lengths_of(record)
     return [
         [assessment.LABELS[name][0]]
         + [say(entry[key]) for key in ("mean_cm", "median_cm", "p95_cm")]

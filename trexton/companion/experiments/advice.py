@@ -1,14 +1,13 @@
 """What limits the methods on a flight, and what to do.
 
 `limits` are measured on the flights; `advice` and its parts are sentences from an assessment's
-record, with all lengths in one unit (`lengths`).
+record, with all lengths in one unit (`lengths_of`).
 """
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any
 
 import cv2
@@ -18,7 +17,7 @@ from trexton.base.errors import TrextonError
 from trexton.base.records import Record
 from trexton.companion.experiments.evaluation import evenly_spread
 from trexton.companion.experiments.metrics import euclidean
-from trexton.companion.wording import METRES_FROM, apart, distance, middle, percent
+from trexton.companion.wording import apart, lengths, middle, percent
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 from trexton.localization.training import training_set
@@ -67,9 +66,9 @@ def is_useful(record: Record) -> bool:
     return middle(error) < middle(centre) and apart(error, centre)
 
 
-def lengths(record: Record) -> Callable[[Any], str]:
+def lengths_of(record: Record) -> Callable[[Any], str]:
     """Says each length of a record, given in cm, in one unit: that of its least mean error."""
-    return partial(distance, metres=least_error_cm(record) >= METRES_FROM)
+    return lengths(least_error_cm(record))
 
 
 def least_error_cm(record: Record) -> float:
@@ -95,7 +94,7 @@ def advice(record: Record, flight: str | None = None) -> list[str]:
 
 def where_it_fails(record: Record) -> Iterator[str]:
     """The part of the floor where the best method has the largest error."""
-    say, (best, error) = lengths(record), best_method(record)
+    say, (best, error) = lengths_of(record), best_method(record)
     truth = np.array(record.series["truth_m"], dtype=float)
     off = 100 * euclidean(np.array(record.series[f"{best}_m"], dtype=float), truth)
     low, high = np.reshape(record.series["area_m"], (2, 2)).T
@@ -117,7 +116,7 @@ def where_it_fails(record: Record) -> Iterator[str]:
 
 def what_limits(record: Record) -> Iterator[str]:
     """Too few frames, texture that repeats, blur, filters that bring nothing."""
-    say, found, area = lengths(record), record.values["limits"], record.series["area_m"]
+    say, found, area = lengths_of(record), record.values["limits"], record.series["area_m"]
     gap_m, errors = found["gap_m"], record.values["errors"]
     if gap_m > 0.1 * np.hypot(*np.ptp(np.reshape(area, (2, 2)), axis=1)):
         yield (

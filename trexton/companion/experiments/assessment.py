@@ -19,7 +19,7 @@ from trexton.companion.experiments.advice import (
     best_method,
     is_useful,
     least_error_cm,
-    lengths,
+    lengths_of,
     limits,
 )
 from trexton.companion.experiments.declaration import Experiment, MapParameters, option
@@ -134,7 +134,7 @@ def _predicted(predict: Any, flight: Flight) -> dict[str, Any]:
 
 def finding(record: Record) -> str:
     """A few sentences: will it work here?"""
-    say, (best, error) = lengths(record), best_method(record)
+    say, (best, error) = lengths_of(record), best_method(record)
     errors = record.values["errors"]
     centre = middle(errors["centre"]["mean_cm"])
     if not is_useful(record):

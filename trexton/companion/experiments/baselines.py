@@ -30,7 +30,7 @@ from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.metrics import euclidean, mean_with_interval
 from trexton.companion.experiments.style import COLORS, canvas, plain_log_ticks
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import METRES_FROM, distance, middle, percent
+from trexton.companion.wording import lengths, middle, percent
 from trexton.field.features import is_counted
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
@@ -238,7 +238,7 @@ def finding(record: Record) -> str:
 def verdict(values: Mapping[str, Any]) -> str:
     """Whether the field is worth its lines beside the best of the simple methods."""
     best, field = values[values["best"]], values["field"]
-    say = _say(values)
+    say = lengths(middle(field["mean_cm"]))
     beats = "beats" if values["ratio"] <= WORTH else "is not a tenth better than"
     return (
         f"Method field {beats} the best simple baseline, the {LABELS[values['best']]}: "
@@ -246,17 +246,12 @@ def verdict(values: Mapping[str, Any]) -> str:
     )
 
 
-def _say(values: Mapping[str, Any]) -> Callable[[Any], str]:
-    """Says every length in one unit, that of the field's error."""
-    return partial(distance, metres=middle(values["field"]["mean_cm"]) >= METRES_FROM)
-
-
 def table(record: Record) -> pd.DataFrame:
     """Mean error of every method, both ways where the flight was exchanged, and the share of
     positions in its 90 % region.
     """
     exchanged, step_ms = record.values["exchanged"], record.timings.get("step_ms", {})
-    rows, say = [], _say(record.values)
+    rows, say = [], lengths(middle(record.values["field"]["mean_cm"]))
     for name in filter(step_ms.__contains__, LABELS):
         row = {"method": LABELS[name], "mean error": say(record.values[name]["mean_cm"])}
         if exchanged:

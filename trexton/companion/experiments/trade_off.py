@@ -7,7 +7,6 @@ Discussion).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ from trexton.companion.experiments.style import (
 )
 from trexton.companion.experiments.sweeps import SWEPT, Bench, Sweep, choose_setting, time_stored
 from trexton.companion.experiments.track import Track
-from trexton.companion.wording import METRES_FROM, distance, middle
+from trexton.companion.wording import lengths, middle
 from trexton.flights.flight import Flight
 
 
@@ -141,7 +140,7 @@ def finding(record: Record) -> str:
     """What the experiment found, in a few sentences."""
     values = record.values
     default = middle(values["default"]["axis_mean_cm"])
-    say = partial(distance, metres=default >= METRES_FROM)
+    say = lengths(default)
     text = f"With the paper's settings its filter has an error of {say(default)} an axis."
     if "tuned" in values:
         setting = values["tuned_setting"]
