@@ -18,11 +18,6 @@ from typing import Any, TypeVar
 
 from trexton.base.progress import progress
 
-__all__ = [
-    "PROCESSES", "THREAD_VARIABLES", "end_with_parent", "environment", "limited",
-    "limited_threads", "spread", "working_on",
-]  # fmt: skip
-
 T = TypeVar("T")
 R = TypeVar("R")
 

@@ -15,8 +15,6 @@ from trexton.base.cache import code_hashes, repository_root
 from trexton.base.files import digest
 from trexton.base.records import software_versions
 
-__all__ = ["kept_results", "machine", "made_by"]
-
 _DRAWS = ("experiments.style", "wording", "claims.page")
 
 

@@ -11,12 +11,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = [
-    "METRES_FROM", "Tree", "apart", "as_html", "beside", "distance", "fixed", "flight_title",
-    "interval", "lengths", "middle", "number", "percent", "span", "template_environment", "text",
-    "times",
-]  # fmt: skip
-
 METRES_FROM = 200  # centimetres: longer distances are said in metres
 UNKNOWN = "–"  # what a record holds no number for, as a correlation with what is constant
 _TITLES = {

@@ -12,8 +12,6 @@ import numpy as np
 
 from trexton.base.errors import DataError
 
-__all__ = ["is_figure", "inline_figure", "with_phone"]
-
 _PICTURE = re.compile(r'"data:image/png;base64,\s*([^"]{20000,})"')  # worth compressing
 _PHONE = re.compile(r"<!--phone (.*?)-->", re.DOTALL)
 _QUALITY = 60

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 from trexton.base.progress import say
 
-__all__ = ["Display", "Outcome"]
-
 
 @dataclass(frozen=True)
 class Outcome:

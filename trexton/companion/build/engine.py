@@ -25,8 +25,6 @@ from trexton.base.errors import TrextonError
 from trexton.base.files import digest
 from trexton.companion.build.display import Display, Outcome
 
-__all__ = ["Fact", "Step", "build", "files_fact", "labelled"]
-
 # Counts up whenever results of an older version of this package must not be taken over.
 _VERSION = "2"
 _SHOWN = 12  # characters of a value or a hash in a reason

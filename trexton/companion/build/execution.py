@@ -18,8 +18,6 @@ from trexton.companion.build.notebooks import Notebook
 from trexton.companion.executor import PROCESSES, THREAD_VARIABLES
 from trexton.vision.threads import usable_cores
 
-__all__ = ["execute", "stop_all"]
-
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _kernels: set[Any] = set()  # of this process, so that they can be ended together
 

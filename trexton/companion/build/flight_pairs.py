@@ -25,10 +25,6 @@ from trexton.base.progress import say
 from trexton.companion.experiments.declaration import NEEDS, Experiment
 from trexton.flights import Flight, read_flight
 
-__all__ = [
-    "FlightPair", "Given", "check_names", "check_out", "given", "load_pair", "with_splits",
-]  # fmt: skip
-
 _SHARE = 0.6  # of the positions of a flight without splits is for training
 
 

@@ -34,8 +34,6 @@ _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2ma
 _PATTERNS = ("survey", "waypoints")  # of a training and a test flight
 _REAL = "cyberzoo"
 
-__all__ = ["Made", "Prepared", "build_small_book", "make_book", "prepare_flights"]
-
 
 @dataclass
 class Prepared:

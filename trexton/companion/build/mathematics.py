@@ -9,8 +9,6 @@ from docutils import nodes  # type: ignore[import-untyped]
 from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 
-__all__ = ["mathml", "setup"]
-
 # What the converter does not know, said in words that it knows.
 _IN_OTHER_WORDS = ((r"\arg\max", r"\operatorname{argmax}"), (r"\arg\min", r"\operatorname{argmin}"))
 

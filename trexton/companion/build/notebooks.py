@@ -26,8 +26,6 @@ from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import MODULES
 from trexton.companion.provenance import kept_results
 
-__all__ = ["GIVEN", "Notebook", "find_notebooks", "inputs_of", "outputs_of", "read_content"]
-
 # The workflow fills these in; nobody sets them by hand.
 GIVEN = ("flight", "test_flight", "out")
 _IMPORT = re.compile(r"\b(trexton(?:\.\w+)*)(?: import (\([^)]*\)|[^;\n]+))?")

@@ -16,8 +16,6 @@ import nbformat
 
 from trexton.companion.wording import flight_title
 
-__all__ = ["figure_names", "joined", "label_of"]
-
 Cells = Sequence[nbformat.NotebookNode]
 _PLACE = re.compile(r"^% notebook: (\w+)$", re.M)  # where a notebook goes in the prose around it
 _LINK = re.compile(r"\[(?P<words>[^\]]*)\]\((?:#(?P<here>\w+)|(?P<page>\w+)\.ipynb)\)")

@@ -30,8 +30,6 @@ from trexton.companion.build.workers import jobs_here, threads_of
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import EXPERIMENTS
 
-__all__ = ["run_experiments", "sole_writer"]
-
 _LONG_S = 60.0  # experiments that take longer start before others
 
 

@@ -15,8 +15,6 @@ from bs4 import BeautifulSoup, Tag
 from trexton.base.files import atomic_file
 from trexton.companion.build.charts import inline_figure, is_figure
 
-__all__ = ["finish_book", "finish_page"]
-
 _UNWANTED = re.compile(r"fontawesome|sphinx-thebe|mathjax|THEBE|MathJax")
 _SENTENCE = 8  # words
 _COLUMNS = 6  # of numbers, that a phone may scroll

@@ -37,10 +37,6 @@ from trexton.onboard.edges import Edge, classes_of_options, edge_classes
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import SOURCES
 
-__all__ = [
-    "FLIGHTS", "context", "findings", "public_names", "records_by_name", "render", "renewed_readme"
-]  # fmt: skip
-
 See = Callable[[str, str], str]
 Values = Mapping[str, Mapping[str, Any]]  # of the records by flight and experiment
 FLIGHTS = ("cyberzoo", "sim-survey")  # of the book, the real one first

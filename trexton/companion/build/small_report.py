@@ -17,8 +17,6 @@ from trexton.companion.experiments import advice, assessment
 from trexton.companion.experiments.figure_files import for_phones, to_svg
 from trexton.companion.wording import as_html, middle, template_environment
 
-__all__ = ["write_report"]
-
 
 def write_report(record: Record, path: Path, player: str = "", flight: str = "") -> Path:
     """Write the report of an `assessment` record to `path`; whole or not at all.

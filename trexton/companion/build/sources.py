@@ -22,8 +22,6 @@ from trexton.companion.build.pages import figure_names, joined, label_of
 from trexton.companion.build.prose import FLIGHTS, context, records_by_name, render
 from trexton.companion.experiments.registry import EXPERIMENTS
 
-__all__ = ["Contents", "lead_from_old_addresses", "stage"]
-
 
 @dataclass(frozen=True)
 class Contents:

@@ -32,8 +32,6 @@ from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import made_by
 from trexton.flights.header import read_toml
 
-__all__ = ["SweepPlan", "Swept", "read_plan", "sweep"]
-
 Rows = list[dict[str, Any]]
 
 

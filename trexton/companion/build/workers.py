@@ -25,8 +25,6 @@ from trexton.base.records import software_versions
 from trexton.companion.executor import end_with_parent, limited
 from trexton.vision.threads import usable_cores
 
-__all__ = ["Call", "callers", "connect", "jobs_here", "threads_of"]
-
 _MEMORY_PER_JOB = 2 * 2**30
 _OPEN_FILES = 256  # a run has more sockets and pipes than a shell's worth
 _HOME_BYTES = 2**16

@@ -33,8 +33,6 @@ from trexton.localization.map_files import save_map
 from trexton.vision.histograms import texton_histogram
 from trexton.vision.images import position_grid
 
-__all__ = ["STAGES", "Scene", "measure", "measure_board"]
-
 Contests = Iterator[Contest]
 
 _GEMM = 2048

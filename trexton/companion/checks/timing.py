@@ -22,8 +22,6 @@ from trexton.flights.flight import Flight
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import train_map
 
-__all__ = ["VIEWS", "Contest", "Row", "Scene", "interleave", "table"]
-
 Row = dict[str, Any]
 VIEWS = 48  # frames that are looked at, evenly over the flight
 _LONG = 5.0  # times what all calls should take

@@ -27,8 +27,6 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.methods import compose
 from trexton.localization.training import for_method, train_map, with_choices
 
-__all__ = ["Bench", "Tried", "choose", "commands", "flags", "frontier", "replayed_errors", "search"]
-
 METHODS = ("paper", "field")
 OF_IMAGES = {
     "textons": (10, 20, 30, 50),

@@ -22,8 +22,6 @@ from trexton.companion.executor import environment
 from trexton.localization.localizer import TextonMap
 from trexton.localization.training import with_parts
 
-__all__ = ["answers", "learning"]
-
 # Limits in seconds were asked where decoding took 2.2 s.
 _MANY = 100_000  # frames
 _PATCHES = 20_000  # that are drawn for the histogram of a frame that is made up

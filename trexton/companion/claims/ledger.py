@@ -16,11 +16,6 @@ from trexton.companion.experiments.printed import look_up, paper_file, published
 from trexton.companion.experiments.rates import wilson_interval
 from trexton.companion.experiments.registry import EXPERIMENTS
 
-__all__ = [
-    "Claim", "Finding", "count_verdicts", "judge", "judge_all", "load_claims", "load_records",
-    "write_ledger",
-]  # fmt: skip
-
 SCHEMA = 2
 Records = dict[str, Record]
 Rows = list[tuple["Claim", list["Finding"]]]

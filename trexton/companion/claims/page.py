@@ -31,8 +31,6 @@ from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.wording import flight_title, number
 
-__all__ = ["Item", "claims_html", "counts_html", "filters_html", "load_map", "map_table"]
-
 
 def _html(macro: str, *values: Any) -> str:
     environment = jinja2.Environment(autoescape=True)

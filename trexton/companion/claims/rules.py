@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-__all__ = ["RULES", "VERDICTS", "Quantity", "near"]
-
 VERDICTS = (
     "reproduced",
     "reproduced in direction",

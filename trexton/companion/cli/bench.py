@@ -10,8 +10,6 @@ from trexton.base.arguments import add_options, chosen_options
 from trexton.base.options import Options, option
 from trexton.companion.provenance import machine
 
-__all__ = ["add_arguments", "run"]
-
 
 @dataclass(frozen=True)
 class BenchOptions(Options):

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-__all__ = ["add_arguments", "run"]
-
 PAGES = ("assessment", "mocap_training", "map_loss", "texton_dictionary")
 
 

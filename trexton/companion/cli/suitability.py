@@ -15,8 +15,6 @@ from trexton.base.files import atomic_file, canonical_json, check_not_read, chec
 from trexton.base.progress import say
 from trexton.companion.executor import spread, working_on
 
-__all__ = ["add_arguments", "run"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from trexton.companion.experiments.virtual_flights import VirtualFlights

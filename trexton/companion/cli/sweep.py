@@ -10,8 +10,6 @@ from pathlib import Path
 from trexton.base.errors import ParameterError
 from trexton.companion.build.sweep import read_plan, sweep
 
-__all__ = ["add_arguments", "run"]
-
 _TLS = ("ca-file", "client.cert", "client.key")  # as Dask calls them
 
 

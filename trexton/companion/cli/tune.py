@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from trexton.base.arguments import add_options, chosen_options
 from trexton.base.options import Options, option
 
-__all__ = ["Search", "add_arguments", "run"]
-
 
 @dataclass(frozen=True)
 class Search(Options):

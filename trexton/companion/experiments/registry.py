@@ -21,8 +21,6 @@ from collections.abc import Iterator, Mapping
 from trexton.base.plugins import PLUGINS, addresses, resolve
 from trexton.companion.experiments.declaration import Experiment
 
-__all__ = ["EXPERIMENTS", "LEDGER", "MODULES"]
-
 LEDGER = "claims"
 _NAMES = (
     # The paper's, in its order, and what it leaves open.

@@ -29,8 +29,6 @@ from trexton.localization.training import for_method
 from trexton.vision.camera import MapImage
 from trexton.vision.images import bgr_from_yuv, sample_positions
 
-__all__ = ["PlayedFlight", "player_html", "record_replay", "replay"]
-
 # As the player names them; the first one is shown in detail.
 _METHODS = {"paper": "the paper's filter", "field": "field", "fine": "fine"}
 _WIDTH = 200  # pixels of a frame on the page
