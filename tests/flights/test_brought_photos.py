@@ -203,3 +203,48 @@ def test_of_pairs_of_two_sizes_the_larger_is_kept(tmp_path):
     flight, said = import_flight(source, tmp_path / "out")
     assert len(flight) == 6 and flight.image(0).shape == (48, 64, 3)
     assert any("another size than 64x48, left out: 6" in line for line in said)
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("SourceFile,GPSLatitude,GPSLongitude,GPSAltitude", "./{name},{lat},-8,412.5"),
+        ("SourceFile,GPSLatitudeRef,GPSLatitude,GPSLongitude,GPSAltitude,DateTimeOriginal",
+         './{name},South,"{deg} S","8 deg 0\' 0.00"" W",412.5 m Above Sea Level,'
+         "2024:05:01 10:00:0{i}"),
+        ("imagename;Latitude;Longitude;Altitude [m]", "{name};{lat};-8;412.5"),
+        ("#Label,X/Longitude,Y/Latitude,Z/Altitude", "{name},-8,{lat},412.5"),
+        ("timestamp,filename,lat,lng,alt", "2024-05-01T10:00:0{i},{name},{lat},-8,412.5"),
+    ],
+)  # fmt: skip
+def test_tables_of_photographs_as_others_head_them(tmp_path, head, row):
+    source, rows = photos(tmp_path / "p"), []
+    for i in range(6):
+        seconds = i * 0.036
+        deg = f'47 deg 0\' {seconds:.3f}""'
+        rows.append(row.format(name=f"IMG_{i + 7}.jpg", lat=-47 - seconds / 3600, deg=deg, i=i))
+    (source / "positions.csv").write_text("\n".join([head, *rows]))
+    flight, _ = import_flight(source, tmp_path / "out", settings={"ground": "400"})
+    assert flight.origin == pytest.approx((-47 - 0.18 / 3600, -8.0))
+    np.testing.assert_allclose(np.diff(flight.position[:, 1]), -1.112, atol=2e-3)
+    np.testing.assert_allclose(flight.height, 12.5)
+
+
+def test_a_list_of_poses_without_its_lines_of_points_is_whole(tmp_path):
+    rows = [f"{i + 1} 0 1 0 0 {-i} 2 5 1 IMG_{i + 7}.jpg" for i in range(6)]
+    text = "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n" + "\n".join(rows)
+    (tmp_path / "images.txt").write_text(text)
+    chosen = {"positions": str(tmp_path / "images.txt")}
+    flight, _ = import_flight(photos(tmp_path / "p"), tmp_path / "out", settings=chosen)
+    np.testing.assert_allclose(flight.position, [[i, 2] for i in range(6)], atol=1e-9)
+
+
+def test_a_tiff_of_many_bands_is_named(tmp_path):
+    from PIL import Image
+
+    for i in range(4):
+        Image.fromarray(picture(i)).save(path := tmp_path / f"{i}.tif")
+        data = path.read_bytes().replace(b"\x15\x01\x03\0\1\0\0\0\3", b"\x15\x01\x03\0\1\0\0\0\5")
+        path.write_bytes(data)
+    with pytest.raises(TrextonError, match=r"0.tif: .*TIFF of over four bands"):
+        import_flight(tmp_path, tmp_path / "out", kind="photos")

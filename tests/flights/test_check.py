@@ -42,7 +42,7 @@ FAR = np.where(np.arange(600)[:, None] % 100 == 7, 1000.0, 0.0)
                                                                              "where none"),
         (lambda f: {"time": f.time * 1000}, "stamps in milliseconds? write seconds"),
         (lambda f: {"time": f.time * 1e9}, "stamps in nanoseconds? write seconds"),
-        (lambda f: {"time": f.time * 1e-4}, "write stamps in seconds"),
+        (lambda f: {"time": f.time * 1e-4}, "stamps in days? write seconds"),
         (lambda f: {"split": {"train": (1, 400), "test": (301, 600)}}, "share 100 frames"),
         (lambda f: {"height": np.full(600, -1.2)}, "does z point down? write metres above"),
         (lambda f: {"height": np.full(600, 1200.0)}, "heights in millimetres? write metres"),

@@ -278,5 +278,35 @@ def test_lost_tracking_is_named(seed, kind, share, how):
         position[damaged] = position[begin]
         if np.hypot(*(position[begin + count] - position[begin])) < 3 * fastest:
             return  # it came back to where it froze: nothing tells
-    found = [rows for _, rows in lost_rows(flight.time, position)]
+    found = [rows for _, rows, _ in lost_rows(flight.time, position)]
     assert found and set(np.concatenate(found)) >= set(damaged.tolist())
+
+
+@pytest.mark.parametrize("share", [0.35, 0.5, 0.7])
+@pytest.mark.parametrize("in_a_row", [False, True])
+def test_most_of_a_flight_at_the_origin_is_named_and_left_out(share, in_a_row, rng):
+    flight = sound("circle", 3, 200)
+    count = round(share * len(flight))
+    lost = np.arange(30, 30 + count) if in_a_row else rng.choice(len(flight), count, replace=False)
+    position = flight.position.copy()
+    position[lost] = 0
+    (doubt,) = (each for each in warnings(replace(flight, position=position)) if "exactly" in each)
+    assert doubt.startswith(f"{count} positions lie at exactly (0, 0)")
+    mended = doubt.mend(replace(flight, position=position))
+    np.testing.assert_array_equal(np.flatnonzero(~mended.located), np.sort(lost))
+
+
+def test_many_rows_of_another_place_are_named_but_stay():
+    flight = sound("circle", 3, 200)
+    position = flight.position.copy()
+    position[120:] += (30, 12)
+    doubts = warnings(replace(flight, position=position))
+    (doubt,) = (each for each in doubts if "cannot be flown" in each)
+    assert "(frames 120 to 199)" in doubt and doubt.mend is None
+
+
+def test_stamps_in_days_are_seconds_again():
+    flight = sound("circle", 3, 200)
+    (doubt,) = warnings(replace(flight, time=45_000 + flight.time / 86400))
+    np.testing.assert_allclose(np.diff(doubt.mend(replace(flight, time=flight.time / 86400)).time),
+                               np.diff(flight.time), atol=1e-9)  # fmt: skip

@@ -213,9 +213,9 @@ def _without_lost(stamps: np.ndarray, track: PoseTrack) -> tuple[PoseTrack, list
     """
     pose = [track.position] + ([] if track.attitude is None else [track.attitude])
     kept, said = np.ones(len(track.time_ns), dtype=bool), []
-    for how, rows in lost_rows(track.time_ns / NANO, np.hstack(pose)):
+    for how, rows, sure in lost_rows(track.time_ns / NANO, np.hstack(pose)):
         rows = rows[~np.isin(track.time_ns[rows], stamps)]
-        if len(rows):
+        if sure and len(rows):
             kept[rows] = False
             first = (track.time_ns[rows[0]] - stamps[0]) / NANO
             said.append(

@@ -84,15 +84,14 @@ def _outside(flight: Flight) -> Iterator[str]:
 
 
 def _tracking(flight: Flight) -> Iterator[str]:
-    pose = [flight.position]
-    pose += [] if flight.height is None else [flight.height[:, None]]
-    pose += [] if flight.attitude is None else [flight.attitude]
-    for how, rows in lost_rows(flight.time, np.hstack(pose)):
-        if not len(rows):
-            yield f"{how}: stamps of another unit, or positions of several recordings?"
+    columns = (flight.position, flight.height, flight.attitude)
+    pose = np.column_stack([each for each in columns if each is not None])
+    for how, rows, sure in lost_rows(flight.time, pose):
+        frames = ranges(flight.frame[rows])
+        if not sure:
+            yield f"{how} (frames {frames}): stamps of another unit, or several recordings?"
             continue
         what = "position lies" if len(rows) == 1 else "positions lie"
-        frames = ranges(flight.frame[rows])
         yield Doubt(
             f"{len(rows)} {what} {how} (frames {frames}): was tracking lost? leave x_m and y_m of "
             "these frames empty",
@@ -252,7 +251,8 @@ def _stamps(flight: Flight) -> Iterator[str]:
             "them: stamps in milliseconds? write seconds"
         )
     elif gap < SHORTEST:
-        yield f"frames come {gap:.2g} s apart: stamps in days? write stamps in seconds"
+        said = f"frames come {gap:.2g} s apart: stamps in days? write seconds"
+        yield Doubt(said, "stamps read as days", _scaled(86400.0, "time"))
 
 
 def _splits(flight: Flight) -> Iterator[str]:

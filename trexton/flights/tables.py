@@ -22,7 +22,7 @@ from trexton.base.files import read_text
 from trexton.base.progress import shown
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}  # metres
-TIMES = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}  # nanoseconds
+TIMES = {"s": 10**9, "ms": 10**6, "us": 1000, "ns": 1, "d": 86400 * 10**9}  # nanoseconds
 _LATEST = 4_102_444_800 * TIMES["s"]  # the year 2100: stamps since 1970 are of before
 _MISSING = ("", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "-nan(ind)", "1.#qnan")
 

@@ -22,7 +22,7 @@ SMALLEST = 0.05  # metres: what is nearer is noise
 MOST_PIECES = 1000  # between jumps, back to which a way is looked for
 NAMED = 12  # ranges of frames that are told one by one
 
-Lost = tuple[str, np.ndarray]
+Lost = tuple[str, np.ndarray, bool]  # in words, the rows, and whether it is sure which they are
 
 
 class Doubt(str):
@@ -40,7 +40,7 @@ class Doubt(str):
 
 
 def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
-    """What is lost: a sentence of how, and its rows; empty where all can have been flown.
+    """What is lost; empty where all can have been flown.
 
     Parameters
     ----------
@@ -57,27 +57,28 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
     top = _top_speed(time, position)
     if not top > 0:
         return []
-    frozen = _frozen(time, pose, top)
-    kept = np.flatnonzero(~frozen)
+    zero = _zeros(time, position, JUMP * top)
+    frozen = _frozen(time, pose, top) & ~zero
+    kept = np.flatnonzero(~(frozen | zero))
     flown = np.zeros(len(rows), dtype=bool)
     flown[kept[_longest_chain(time[kept], position[kept], JUMP * top)]] = True
-    jumped = ~flown & ~frozen
+    jumped = ~(flown | frozen | zero)
     found: list[Lost] = []
     if jumped.mean() > LONGEST:
         said = f"{jumped.sum()} of {len(rows)} positions cannot be flown to from the others"
-        return [(f"{said}, at {JUMP:g} times the top speed of {top:.2g} m/s", rows[:0])]
-    zero = jumped & ~position.any(axis=1)
-    for chosen, how in (
-        (zero, "at exactly (0, 0)"),
-        (jumped & ~zero, "where none can be flown to"),
-    ):
+        said += f", at {JUMP:g} times the top speed of {top:.2g} m/s"
+        return [(said, rows[jumped], False)]
+    for chosen, how in ((zero, "at exactly (0, 0)"), (jumped, "where none can be flown to")):
         if chosen.any():
             place = position @ (1, 1j)  # where it was between those it can have flown
             between = np.interp(time[chosen], time[flown], place[flown])
             apart = np.abs(place[chosen] - between).max()
-            found.append((f"{how}, up to {apart:.4g} m from those before and after", rows[chosen]))
+            found.append(
+                (f"{how}, up to {apart:.4g} m from those before and after", rows[chosen], True)
+            )
     if frozen.any():
-        found.append(("at one place to the last digit while the vehicle flew on", rows[frozen]))
+        how = "at one place to the last digit while the vehicle flew on"
+        found.append((how, rows[frozen], True))
     return found
 
 
@@ -89,7 +90,8 @@ def _top_speed(time: np.ndarray, position: np.ndarray) -> float:
     _, inverse, count = np.unique(rounded, axis=0, return_inverse=True, return_counts=True)
     single = count[np.reshape(inverse, -1)] == 1
     if single.sum() < max(FEWEST, len(time) / 2):
-        single[:] = True
+        single = position.any(axis=1)
+        single |= single.sum() < FEWEST
     time, position = time[single], position[single]
     noise = float(np.quantile(_speeds(time, position), 0.6))  # which medians would not show
     if len(time) >= 3 * WINDOW:  # else a row that is lost in a few makes two steps of them
@@ -104,6 +106,17 @@ def _speeds(time: np.ndarray, position: np.ndarray) -> np.ndarray:
 
 def _medians(values: np.ndarray, width: int) -> np.ndarray:
     return np.median(np.lib.stride_tricks.sliding_window_view(values, width, axis=0), axis=-1)
+
+
+def _zeros(time: np.ndarray, position: np.ndarray, fastest: float) -> np.ndarray:
+    """Rows at exactly (0, 0) that are reached or left by a jump: others are an origin."""
+    zero = (position == 0).all(axis=1)
+    steps = np.hypot(*np.diff(position, axis=0).T)
+    jumps = np.pad(steps > np.maximum(fastest * np.diff(time), SMALLEST), 1)
+    edges = np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)))
+    for first, end in edges.reshape(-1, 2):  # the last of them is before `end`
+        zero[first:end] = jumps[first] or jumps[end]
+    return zero
 
 
 def _frozen(time: np.ndarray, pose: np.ndarray, top: float) -> np.ndarray:

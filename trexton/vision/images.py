@@ -166,6 +166,8 @@ def decode_image(data: bytes) -> np.ndarray:
     image = None if cut else decode(data)
     if image is None:
         fault = "the file is cut short" if cut else "not an image that OpenCV can decode"
+        if data[:3] in (b"II*", b"MM\0"):
+            fault += " (a TIFF of over four bands, or of floats? write one band of 8 or 16 bits)"
         raise ImageError(f"{fault} ({len(data)} bytes)")
     return yuv_from_bgr(image)
 

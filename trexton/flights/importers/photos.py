@@ -29,12 +29,18 @@ from trexton.flights.importers.recording import (
     local_metres,
     spread,
 )
-from trexton.flights.tables import read_table, time_of
-from trexton.vision.images import natural_order
+from trexton.flights.tables import is_number, read_table, time_of
+from trexton.vision.images import natural_order, read_image
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 OTHERS = (".heic", ".heif", ".avif", ".webp", ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw")
 _NEAR = 100 / 6371  # radii of the Earth
+# What columns of a table may be called: by exiftool, Pix4D, Metashape and by hand.
+_COLUMNS = {
+    "lat": r"^[xy/ ]*(gps)?[ _]?lat(?!.*ref$)", "lon": r"^[xy/ ]*(gps)?[ _]?(lon|lng)(?!.*ref$)",
+    "alt_m": r"^[z/ ]*(gps)?[ _]?alt(?!.*ref$)", "time": r"^time|date.?time",
+    "file": r"file|^image|^label|^photo|^name",
+}  # fmt: skip
 _BAND = re.compile(r"[_-](\d{1,2}|[A-Za-z]{2,6})$")  # ends the names of multispectral bands
 
 
@@ -67,10 +73,9 @@ def _files(source: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
 def read(source: Path, settings: Settings) -> Recording:
     """The recording of a folder of photographs, in the order in which they were taken."""
     files = known = _files(source)
-    kinds = Counter(path.suffix.lower() for path in _files(source, OTHERS))
     said = [
         f"{count} files of {suffix} were left out: convert them to JPEG"
-        for suffix, count in kinds.items()
+        for suffix, count in Counter(each.suffix.lower() for each in _files(source, OTHERS)).items()
     ]
     path = beside(source, settings.positions or "positions.csv")
     named = bool(settings.positions) or path.parent == source and path.is_file()
@@ -122,6 +127,7 @@ def _located(
         fixed = [file for file, each in zip(fixed, near, strict=True) if each]
     if len(fixed) < 3:
         how = "by GPS in their EXIF or by a table named with --positions"
+        read_image(files[0])  # what cannot be read tells no place
         if table is not None:
             how = f"by name in {table}"
         raise FlightError(
@@ -203,6 +209,11 @@ def _by_name(path: Path, names: list[str], files: list[Path]) -> dict[Path, int]
 
 def _from_table(path: Path, files: list[Path]) -> dict[Path, Shot]:
     table = read_table(path)
+    table = replace(table, cells={
+        next((what for what, so in _COLUMNS.items() if re.search(so, name, re.I)), name):
+            [_of_exiftool(cell) for cell in cells]
+        for name, cells in reversed([*table.cells.items()])  # of several such the first counts
+    })  # fmt: skip
     latitude, longitude = table.numbers("lat"), table.numbers("lon")
     altitude = table.numbers("alt_m") if "alt_m" in table.header else np.nan + latitude
     taken = table.texts("time") if "time" in table.header else None
@@ -213,6 +224,16 @@ def _from_table(path: Path, files: list[Path]) -> dict[Path, Shot]:
         )
         for file, row in _by_name(path, table.texts("file"), files).items()
     }  # fmt: skip
+
+
+def _of_exiftool(text: str) -> str:
+    """A number of ``52 deg 5' 34.44" N`` or ``12 m Below Sea Level``; other texts as they are."""
+    found = re.fullmatch(r"""([\d.]+) (deg|m)\b(?: ([\d.]+)' ([\d.]+)\")?(.*)""", text.strip())
+    if found is None:
+        return text
+    degrees, _, minutes, seconds, side = found.groups()
+    sign = -1 if side.strip()[:1] in ("S", "W", "B") else 1
+    return str(sign * (float(degrees) + float(minutes or 0) / 60 + float(seconds or 0) / 3600))
 
 
 def _stamps(files: list[Path]) -> np.ndarray:
@@ -265,8 +286,8 @@ def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] |
 
 def _colmap(text: str) -> tuple[list[str], list[Any], list[Any]]:
     """Two lines an image: id, quaternion w, x, y, z, translation, camera, name; then its points."""
-    lines = [line for line in text.splitlines() if not line.startswith("#")]
-    rows = [line.split(maxsplit=9) for line in lines[::2] if line.strip()]
+    rows = [line.split(maxsplit=9) for line in text.splitlines() if not line.startswith("#")]
+    rows = [row for row in rows if row and not is_number(row[-1].split()[-1])]
     turns = [[float(row[place]) for place in (2, 3, 4, 1)] for row in rows]
     return [row[9].strip() for row in rows], turns, [[float(x) for x in row[5:8]] for row in rows]
 
