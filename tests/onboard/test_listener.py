@@ -98,6 +98,25 @@ def test_a_clock_that_wraps_is_no_restart():
         assert ear.boots == boots
 
 
+def test_two_autopilots_of_one_number_are_told_from_restarts():
+    """Two vehicles as they were delivered, on one network: both obeyed a landing."""
+    ear, told = listener(1), []
+    for number in range(12):
+        now = 100 + 0.1 * number
+        for offset in (0.0, 340.0):
+            sent_s = now - 40 + offset
+            ear.hear(
+                said_by(mavlink.MAVLink_attitude_message(round(1e3 * sent_s), *[0.0] * 6)), now
+            )
+    assert not ear.certain and not speaker(ear).land(0, 101.0)
+    told = [each["event"] for each in ear.news if "autopilot" != each["event"]]
+    assert told == ["autopilot restarted", "two autopilots of one number"]
+    twice = listener(1)
+    for now, awake_s in ((1.0, 60.0), (2.0, 1.0), (50.0, 49.0), (51.0, 1.0), (52.0, 2.0)):
+        twice.hear(said_by(mavlink.MAVLink_attitude_message(round(1e3 * awake_s), *[0.0] * 6)), now)
+    assert twice.boots == 2 and twice.certain
+
+
 def test_a_message_without_a_time_is_no_restart():
     """A range finder whose messages leave it out seemed to start the autopilot anew with each."""
     ear = listener(1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import socket
 import time
 from functools import partial
 from threading import Event
@@ -203,6 +204,73 @@ def test_a_wrong_port_or_baud_rate_is_told_from_silence():
         sink.close()
         os.close(master)
         os.close(line)
+
+
+@pytest.mark.parametrize("size", [7, 32])
+def test_a_bridge_may_cut_messages_anywhere(peer, size):
+    """What turns a serial line into datagrams knows of no messages: nobody was heard."""
+    sink = open_sink(f"udpout:127.0.0.1:{peer.port}", surroundings(clock=Clock()))
+    sink.open()
+    try:
+        assert eventually(lambda: peer.of("HEARTBEAT"))
+        said = mavlink.MAVLink_attitude_message(9, *ATTITUDE, 0, 0, 0).pack(peer.codec)
+        line = (AUTOPILOT_HEARTBEAT.pack(peer.codec) + said) * 3
+        peer.send(*(line[start : start + size] for start in range(0, len(line), size)))
+        assert eventually(lambda: sink.status() == "autopilot 1 heard")
+        assert eventually(lambda: sink.aiding(100.0).roll is not None)
+    finally:
+        sink.close()
+
+
+def test_another_vehicle_on_the_port_gets_no_position_of_ours():
+    """It would fly by it: messages with positions are addressed to nobody."""
+    ours, other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    with ours, other:
+        other.bind(("127.0.0.1", 0))
+        port, clock = other.getsockname()[1], Clock()  # a free one, as long as it is ours
+        other.close()
+        other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        around, options = surroundings(clock=clock), mavlink_options(target="1")
+        sink = open_sink(f"udpin:127.0.0.1:{port}", around, options)
+        sink.open()
+        try:
+            for number, wire in ((2, other), (1, ours), (2, other)):
+                beat = AUTOPILOT_HEARTBEAT.pack(mavlink.MAVLink(None, number, 1))
+                assert eventually(partial(arrived, sink, wire, beat, port))
+            sink.write(make_fix(clock.now))
+            ours.settimeout(60)
+            kinds = set()
+            while "VISION_POSITION_ESTIMATE" not in kinds:
+                (message,) = mavlink.MAVLink(None).parse_buffer(ours.recv(999))
+                kinds.add(message.get_type())
+            other.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                other.recv(999)
+        finally:
+            sink.close()
+            other.close()
+
+
+def arrived(sink, wire: socket.socket, data: bytes, port: int) -> bool:
+    """Sends it, until the sink's thread has read from its socket."""
+    codec = sink._codec
+    before = codec.total_packets_received
+    wire.sendto(data, ("127.0.0.1", port))
+    return bool(eventually(lambda: codec.total_packets_received > before, 0.2))
+
+
+def test_a_wrong_key_is_told_from_a_wrong_port(peer, tmp_path):
+    (tmp_path / "key").write_bytes(bytes(32))
+    (tmp_path / "key").chmod(0o600)
+    options = mavlink_options(sign_key=str(tmp_path / "key"))
+    sink = open_sink(f"udpout:127.0.0.1:{peer.port}", surroundings(), options)
+    sink.open()
+    try:
+        assert eventually(lambda: peer.address is not None)
+        words = "no MAVLink or not signed by our key"
+        assert eventually(lambda: peer.send(AUTOPILOT_HEARTBEAT) or words in sink.status())
+    finally:
+        sink.close()
 
 
 def test_a_landing_commanded_before_the_link_broke_goes_out_on_no_other(peer):

@@ -210,6 +210,14 @@ class TestSpeaker:
         (message,) = due(talk, 10.08, "GPS_INPUT")
         assert message.fix_type == 1
 
+    def test_a_receiver_on_a_computer_whose_clock_was_never_set(self, monkeypatch):
+        """In 1970 there were no weeks to count: no position could be packed."""
+        monkeypatch.setattr(messages, "UNIX_OFFSET", 12.0)
+        talk = speaker("ardupilot-gps", attitude_at=10.0)
+        talk.tell(make_fix(10.0), 10.0)
+        message = from_autopilot(*due(talk, 10.0, "GPS_INPUT"))
+        assert (message.time_week, message.time_week_ms, message.fix_type) == (0, 0, 3)
+
     @pytest.mark.parametrize(("profile", "frame"), [("px4", 1), ("ardupilot", 12)])
     def test_the_landing_zone_goes_with_each_image_and_no_repetition(self, profile, frame):
         talk = speaker(profile, attitude_at=9.9, target=np.array([3.0, 1.0]))
@@ -254,6 +262,34 @@ class TestSpeaker:
         asked = [now for now in range(100) if due(talk, float(now), "SET_GPS_GLOBAL_ORIGIN")]
         assert asked == [*range(11), *range(20, 100, 10)]
         assert not any(due(unasked, float(now), "SET_GPS_GLOBAL_ORIGIN") for now in range(100))
+
+    def test_an_origin_of_an_earlier_start_is_asked_for(self):
+        """ArduPilot passes over an origin when it has one, and says nothing: the second preflight
+        check found none."""
+        talk = speaker("ardupilot", origin=(51.99, 4.37, 1.0))
+        asked = [m for m in due(talk, 0.0, "COMMAND_LONG") if m.command == 512]
+        assert [(m.param1, m.target_system, m.target_component) for m in asked] == [(49, 1, 1)]
+        assert not [m for m in due(speaker(), 0.0, "COMMAND_LONG") if m.command == 512]
+
+    @pytest.mark.parametrize(
+        ("name", "number", "message"),
+        [
+            ("px4", 230, mavlink.MAVLink_estimator_status_message(0, 8, *[0.0] * 8)),
+            ("ardupilot", 193, mavlink.MAVLink_ekf_status_report_message(16, *[0.0] * 6)),
+            ("ardupilot-gps", 193, mavlink.MAVLink_ekf_status_report_message(8, *[0.0] * 6)),
+        ],
+    )
+    def test_it_asks_whether_there_is_a_position(self, name, number, message):
+        """Of a line on which nothing was asked for, ArduPilot says nothing of its own accord."""
+        talk = speaker(name)
+
+        def asked(now):
+            wanted = [m for m in due(talk, now, "COMMAND_LONG") if m.command == 511]
+            return number in [m.param1 for m in wanted]
+
+        assert asked(0.0)
+        talk.listener.hear(from_autopilot(message), 1.0)
+        assert talk.listener.fused(3.0) and not asked(3.0) and asked(9.0)
 
     def test_timesync_is_answered_and_answers_are_not(self):
         talk = speaker()
@@ -309,6 +345,10 @@ class TestSpeaker:
     def test_presence(self):
         talk = speaker(heard_at=5.0)
         assert talk.listener.present(7.9) and not talk.listener.present(8.1)
+
+    def test_we_are_not_the_autopilot(self):
+        with pytest.raises(ParameterError, match="component_id"):
+            MavlinkOptions(component_id=1)
 
     def test_unknown_profile(self):
         with pytest.raises(ParameterError, match="px4, ardupilot"):

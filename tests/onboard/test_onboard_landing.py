@@ -246,6 +246,30 @@ class TestAnswers:
         flight.fly(35, position=OUTSIDE)
         assert flight.fly(3) is State.ASKED
 
+    @pytest.mark.parametrize("mode", [{}, {"mode": 3}])
+    def test_a_landing_whose_answer_came_late_can_be_ended_too(self, mode):
+        """It had begun when the command was repeated, and stood as LANDING for ever after."""
+        flight = Flight()
+        flight.autopilot.flies = mode | {"landing": False}
+        flight.fly(3)
+        flight.autopilot.flies = {name: 9 for name in mode} | {"landing": True}
+        flight.fly(12)
+        flight.autopilot.answer(0)
+        assert flight.fly(5) is State.LANDING
+        flight.autopilot.flies = mode | {"landing": False}
+        assert flight.fly(5) is State.ABORTED
+        assert flight.autopilot.confirmations == [0, 1]
+
+    def test_a_mode_chosen_before_the_answer_is_no_end_of_the_landing(self):
+        flight = Flight()
+        flight.fly(3)
+        flight.autopilot.flies = {"mode": 5}
+        flight.fly(3)
+        flight.autopilot.answer(0)
+        flight.fly(3)
+        flight.autopilot.flies = {"mode": 9}
+        assert flight.fly(20) is State.LANDING
+
     def test_no_further_command_once_the_conditions_no_longer_hold(self):
         flight = Flight()
         flight.fly(3)

@@ -83,7 +83,7 @@ class Commander:
         self._asked_at = -np.inf
         self._ask_at = -np.inf
         self._outside_since: float | None = None  # on the clock that stamps the frames
-        self._before: dict[tuple[int, str], object] = {}  # phases of the flight when it was asked
+        self._before: dict[tuple[int, str], object] = {}  # phases of the flight when it accepted
         self._during: dict[tuple[int, str], object] = {}  # those that came of it
         self._began: float | None = None  # the search, on the clock that stamps the frames
 
@@ -150,7 +150,6 @@ class Commander:
             self._become(ended, f"{why}{self._sent} commands sent")
             return
         self._ask_at = now + ANSWER_WITHIN
-        self._before, self._during = self._phases(), {}
         if any([lander.land(self._sent) for lander in self._landers]):
             self._report({"event": "land", "confirmation": self._sent})
             self._asked_at, self.why = now, ""
@@ -168,7 +167,8 @@ class Commander:
         for name, value in self._phases().items():
             if name in self._during and value != self._during[name]:
                 return True
-            if value != self._before.setdefault(name, value):
+            # It may have begun before an answer came: what says so itself needs no comparison.
+            if value != self._before.setdefault(name, name[1] != "landing" and value):
                 self._during[name] = value
         return False
 
@@ -182,6 +182,7 @@ class Commander:
     def _take_answer(self, result: int, now: float) -> None:
         if result == ACCEPTED:  # in whatever state: the vehicle lands
             if self.state not in (State.LANDING, State.LANDED, State.ABORTED):
+                self._before, self._during = {}, {}
                 self._become(State.LANDING, "accepted")
         elif result in (IN_PROGRESS, TEMPORARILY_REJECTED):
             self._ask_at = now + ANSWER_WITHIN  # it is there: give it time, then ask again

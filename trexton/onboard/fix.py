@@ -141,7 +141,7 @@ class Continuity:
     """
 
     def __init__(self, growth: Callable[[float], np.ndarray], period_s: float):
-        self._growth, self._gap_s = growth, max(GAP_S, 3 * period_s)
+        self._growth, self._gap_s, self._period_s = growth, max(GAP_S, 3 * period_s), period_s
         self._last: Fix | None = None  # of the hypothesis that is sent
         self._other: Fix | None = None  # the latest of one that is held back
         self._since = self._needed = 0.0  # when that one began, and seconds that it must last
@@ -164,14 +164,15 @@ class Continuity:
         jumped = last is not None and self._jumped(fix, last)
         waited = last is None or (self._interrupted and fix.time - last.time > self._gap_s)
         if jumped or waited:
-            if other is None or fix.time - other.time > self._gap_s or self._jumped(fix, other):
-                self._since, self._needed = fix.time, RETURN_S
+            new = other is None or fix.time - other.time > self._gap_s or self._jumped(fix, other)
+            if new:  # a frame stands for the time since the one before it
+                self._since, self._needed = fix.time - self._period_s, RETURN_S
                 if last is None:
                     self._needed = FIRST_S
                 elif jumped:
                     self._needed = max(FIRST_S, RESET_TIMES * fix.fusion.independent_s)
             self._other = fix
-            if fix.time - self._since < self._needed - 1e-6:
+            if new or fix.time - self._since < self._needed - 1e-6:
                 return True
             self.resets += jumped
         self._last, self._other, self._interrupted = fix, None, False

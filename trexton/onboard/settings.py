@@ -139,7 +139,7 @@ class MavlinkOptions(Options):
         None, "our autopilot, SYS or SYS/COMP; needed where more than one vehicle is heard"
     )
     component_id: int = option(
-        COMPONENT, "our own number on the vehicle, where another has this one", low=1, high=255
+        COMPONENT, "our own number on the vehicle, where another has this one", low=2, high=255
     )
     origin: str | None = option(
         None, "LAT,LON,ALT in degrees and metres: set as the autopilot's global origin"

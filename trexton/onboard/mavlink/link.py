@@ -58,7 +58,7 @@ class Link(ABC):
         """What has come, at most a few kilobytes; empty if nothing has."""
 
     def understood(self) -> None:  # noqa: B027 - only who has several peers cares
-        """What `receive` gave last was MAVLink: its sender is a peer."""
+        """What `receive` gave last was said by our autopilot: its sender is a peer."""
 
     def fileno(self) -> int:
         """For `select`."""
@@ -104,7 +104,7 @@ class UdpOut(Link):
 
 
 class UdpIn(UdpOut):
-    """Datagrams on a port of ours, answered to the latest few who spoke MAVLink there."""
+    """Datagrams on a port of ours, answered to the latest few who brought our autopilot's."""
 
     _peers: list[tuple[str, int]] = []
 

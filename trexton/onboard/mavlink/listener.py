@@ -20,6 +20,7 @@ from trexton.onboard.settings import COMPONENT
 HEARTBEAT_TIMEOUT = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
 MAX_STATE_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
 BOOT_CLOCK_STEP_MS = 2000  # milliseconds that messages of one clock never overtake each other by
+SAME_CLOCK_S = 0.5  # seconds to which messages tell when their clock began
 WRAP_MS = 60_000  # milliseconds about the last of a clock of 32 bits in which it may wrap
 BUFFER_SIZE = 512  # of each: a second and more of the fastest stream, for a camera that is late
 MAX_SAMPLE_AGE = 0.5  # seconds between a frame and attitude, height or velocity that fit it
@@ -48,6 +49,8 @@ class Listener:
 
     Attributes
     ----------
+    twins : bool
+        Whether two autopilots of its number were heard.
     boots : int
         How often the autopilot has started anew while we listened: it has forgotten
         what it was sent.
@@ -63,7 +66,8 @@ class Listener:
         self.target: tuple[int, int] | None = None
         self.heard: set[tuple[int, int]] = set()  # every autopilot that may be ours
         self.heard_at = -np.inf
-        self.boots, self._awake_ms = 0, 0
+        self.boots, self._awake_ms, self._began = 0, 0, -np.inf
+        self.twins = False
         self.answers: deque[int] = deque(maxlen=64)  # to landing commands
         self.news: deque[dict[str, Any]] = deque(maxlen=256)
         self.timesyncs: deque[Any] = deque(maxlen=16)
@@ -74,28 +78,15 @@ class Listener:
         self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=BUFFER_SIZE)
         self._heights: deque[tuple[float, float]] = deque(maxlen=BUFFER_SIZE)
         self._velocities: deque[tuple[float, tuple[float, float]]] = deque(maxlen=BUFFER_SIZE)
-        self._handlers = {
-            "HEARTBEAT": self._on_heartbeat,
-            "ATTITUDE": self._on_attitude,
-            "DISTANCE_SENSOR": self._on_distance,
-            "LOCAL_POSITION_NED": self._on_velocity,
-            "TIMESYNC": self._on_timesync,
-            "COMMAND_ACK": self._on_command_ack,
-            "GPS_GLOBAL_ORIGIN": self._on_origin,
-            "STATUSTEXT": self._on_text,
-            "ESTIMATOR_STATUS": self._on_estimator,
-            "EKF_STATUS_REPORT": self._on_estimator,
-            "EXTENDED_SYS_STATE": self._on_landed_state,
-        }
 
     def hear(self, message: Any, now: float) -> None:
-        """Take in one message."""
+        """Take in one message, where there is a method for its kind: ``_on_`` and its name."""
         kind = message.get_type()
-        handler = self._handlers.get(kind)
+        handler = getattr(self, f"_on_{kind.lower()}", None)
         if handler is None:
             return
         if self.target == (message.get_srcSystem(), message.get_srcComponent()):
-            self._notice_boot(getattr(message, "time_boot_ms", None))
+            self._notice_boot(getattr(message, "time_boot_ms", None), now)
             handler(message, now)
         elif kind == "HEARTBEAT":
             handler(message, now)
@@ -107,7 +98,7 @@ class Listener:
     @property
     def certain(self) -> bool:
         """Whether the target is beyond doubt: named, or the only autopilot that was ever heard."""
-        return len(self.heard) == 1
+        return len(self.heard) == 1 and not self.twins
 
     def fused(self, now: float) -> bool | None:
         """Whether the autopilot has a horizontal position; None where it has not said so lately."""
@@ -173,18 +164,22 @@ class Listener:
         if self.target == who:
             self.heard_at, self._mode = now, message.custom_mode
 
-    def _notice_boot(self, awake_ms: int | None) -> None:
+    def _notice_boot(self, awake_ms: int | None, now: float) -> None:
         """An autopilot whose own clock has jumped back by seconds has started anew, unless it
-        went on from its last millisecond, after 49 days."""
+        went on from its last millisecond, after 49 days. Back to the same clock again jump only
+        two autopilots of one number."""
         if not awake_ms:  # 0 is of a message that tells no time
             return
         wrapped = (awake_ms - self._awake_ms) % 2**32 < WRAP_MS
-        if self._awake_ms - awake_ms > BOOT_CLOCK_STEP_MS and not wrapped:
+        if self._awake_ms - awake_ms > BOOT_CLOCK_STEP_MS and not (wrapped or self.twins):
             self.boots += 1
+            before, self._began = self._began, now - 1e-3 * awake_ms
+            self.twins = abs(self._began - before) < SAME_CLOCK_S
             self._fused = self._landed = self.origin = None
             for samples in (self._attitudes, self._heights, self._velocities):
                 samples.clear()
-            self.news.append({"event": "autopilot restarted", "times": self.boots})
+            words = "two autopilots of one number" if self.twins else "autopilot restarted"
+            self.news.append({"event": words, "times": self.boots})
         self._awake_ms = awake_ms
 
     def _on_attitude(self, message: Any, now: float) -> None:
@@ -192,7 +187,7 @@ class Listener:
         if np.isfinite(angles).all():
             self._attitudes.append((now, angles))
 
-    def _on_distance(self, message: Any, now: float) -> None:
+    def _on_distance_sensor(self, message: Any, now: float) -> None:
         distance = message.current_distance  # centimetres
         if (
             message.orientation == DOWNWARD
@@ -201,7 +196,7 @@ class Listener:
         ):
             self._heights.append((now, 0.01 * distance))
 
-    def _on_velocity(self, message: Any, now: float) -> None:
+    def _on_local_position_ned(self, message: Any, now: float) -> None:
         if np.isfinite((message.vx, message.vy)).all():
             self._velocities.append((now, (message.vx, message.vy)))
 
@@ -219,21 +214,23 @@ class Listener:
                 {"event": "answer", "command": message.command, "result": message.result}
             )
 
-    def _on_origin(self, message: Any, now: float) -> None:
+    def _on_gps_global_origin(self, message: Any, now: float) -> None:
         self.origin = (message.latitude * 1e-7, message.longitude * 1e-7)
         self.news.append(
             {"event": "origin", "latitude": self.origin[0], "longitude": self.origin[1]}
         )
 
-    def _on_text(self, message: Any, now: float) -> None:
+    def _on_statustext(self, message: Any, now: float) -> None:
         text = message.text if isinstance(message.text, str) else repr(message.text)
         self.news.append({"event": "autopilot says", "severity": message.severity, "text": text})
 
-    def _on_estimator(self, message: Any, now: float) -> None:
+    def _on_estimator_status(self, message: Any, now: float) -> None:
         horizontal = mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS
         self._fused = (now, bool(message.flags & horizontal))
 
-    def _on_landed_state(self, message: Any, now: float) -> None:
+    _on_ekf_status_report = _on_estimator_status  # ArduPilot's, with the same flags
+
+    def _on_extended_sys_state(self, message: Any, now: float) -> None:
         if message.landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED:
             self._landed = (now, message.landed_state)
 

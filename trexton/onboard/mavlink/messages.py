@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,14 +26,13 @@ __all__ = ["PROFILES", "Profile", "Report", "mavlink"]
 NAN = math.nan
 # Square metres: a height nobody measured must weigh nothing even if it is fused.
 UNKNOWN_HEIGHT = 100.0
-UNKNOWN_ANGLE = math.pi**2  # square radians
+UNKNOWN_ANGLE = float(np.float32(math.pi**2))  # square radians
 EARTH = 6_371_000.0  # radius in metres
 GPS_EPOCH = 315_964_800 - 18  # seconds: 6 January 1980 in Unix time, leap seconds since
 WEEK = 604_800  # seconds
 UNIX_OFFSET = time.time() - time.monotonic()  # seconds; a clock set in flight moves no receiver's
 SATELLITES = 10  # as many as ArduPilot asks for before it flies by them
-# Variances of roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row.
-_ANGLES = (15, 18, 20)
+_VARIANCES = (0, 6, 11, 15, 18, 20)  # in the upper triangle of a 6x6 matrix, row by row
 
 
 def rounded_up(value: float) -> float:
@@ -42,7 +42,7 @@ def rounded_up(value: float) -> float:
 
 
 def pose_covariance(
-    covariance: np.ndarray, height: float, angle: float, cross: float = NAN
+    covariance: np.ndarray, height: float, angles: Sequence[float], cross: float = NAN
 ) -> list[float]:
     """The 21 numbers of a pose's covariance.
 
@@ -51,18 +51,17 @@ def pose_covariance(
     covariance : (2, 2) array
         Of north and east, square metres; its correlation is added to both variances, for receivers
         fuse those alone.
-    height, angle : float
-        Variances of z and of each angle; NaN for unknown.
+    height, angles : float, (3,) sequence
+        Variances of z and of roll, pitch and yaw; NaN for unknown.
     cross : float
         What stands where a covariance is unknown.
     """
     entries = [cross] * 21
     bound = decoupled(covariance)
     entries[1] = float(bound[0, 1])
-    for place, variance in ((0, bound[0, 0]), (6, bound[1, 1]), (11, height)):
+    variances = (bound[0, 0], bound[1, 1], height, *angles)
+    for place, variance in zip(_VARIANCES, variances, strict=True):
         entries[place] = rounded_up(variance)
-    for place in _ANGLES:
-        entries[place] = angle
     return entries
 
 
@@ -123,6 +122,7 @@ class Profile:
     origin: tuple[float, float, float] | None = None
     target: np.ndarray | None = None
 
+    estimator = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT  # says whether there is a position
     unset = 0.0  # what stands in a command for "choose yourself"
     needs_attitude = False
     needs_yaw = False  # whether no position may go out without a yaw, where ours is fused
@@ -166,17 +166,16 @@ class Px4(Profile):
     ours unless all three are, and so with those of the angles, of which it fuses the yaw's alone.
     """
 
+    estimator = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
     unset = NAN
     sees_from_body = False
 
     def position(self, fix: Fix, report: Report) -> Any:
         north, east, down = self.local.ned(report.position)
         ned = self.local.ned_covariance(report.covariance)
-        matrix = pose_covariance(ned, UNKNOWN_HEIGHT, NAN)
-        if math.isfinite(report.yaw_sigma):
-            angles = (UNKNOWN_ANGLE, UNKNOWN_ANGLE, rounded_up(report.yaw_sigma**2))
-            for place, variance in zip(_ANGLES, angles, strict=True):
-                matrix[place] = variance
+        own = report.yaw_sigma**2
+        angles = (UNKNOWN_ANGLE, UNKNOWN_ANGLE, own) if math.isfinite(own) else (NAN, NAN, NAN)
+        matrix = pose_covariance(ned, UNKNOWN_HEIGHT, angles)
         return mavlink.MAVLink_vision_position_estimate_message(
             report.stamp_us, north, east, down, *report.angles, matrix, report.resets % 256
         )
@@ -203,11 +202,10 @@ class ArduPilot(Profile):
         north, east, down = self.local.ned(report.position)
         ned = self.local.ned_covariance(report.covariance)
         height = _folded(np.diagonal(decoupled(ned)))
-        matrix = pose_covariance(ned, height, UNKNOWN_ANGLE, cross=0.0)
-        if math.isfinite(report.yaw_sigma):
-            own = report.yaw_sigma**2
-            for place, variance in zip(_ANGLES, (0.0, _folded(np.array([own])), own), strict=True):
-                matrix[place] = rounded_up(variance)
+        own, angles = report.yaw_sigma**2, [UNKNOWN_ANGLE] * 3
+        if math.isfinite(own):
+            angles = [0.0, _folded(np.array([own])), own]
+        matrix = pose_covariance(ned, height, angles, cross=0.0)
         return mavlink.MAVLink_odometry_message(
             report.stamp_us, mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD,
             north, east, down, quaternion(*report.angles),
@@ -237,7 +235,7 @@ class ArduPilotGps(Profile):
         to_north = np.degrees(north / EARTH)
         to_east = np.degrees(east / (EARTH * math.cos(math.radians(latitude))))
         accuracy = largest_deviation(report.covariance)
-        week, seconds = divmod(UNIX_OFFSET + report.time - GPS_EPOCH, WEEK)
+        week, seconds = divmod(max(0.0, UNIX_OFFSET + report.time - GPS_EPOCH), WEEK)
         yaw = 0  # hundredths of a degree; 0 is unknown, and north is 36000
         if math.isfinite(report.yaw):
             yaw = round(100 * math.degrees(report.yaw)) % 36000 or 36000

@@ -23,6 +23,7 @@ REPEAT_TIMEOUT = STALE_AFTER  # seconds from capture for which a position is rep
 # was held up by less than this is still the later of the two, by what EKF2 wants between them.
 REPEAT_LAG = 0.09
 REPEAT_INFLATION = 100.0  # of a repetition's covariance: it keeps the fusion alive and is no news
+ORIGIN, INTERVAL = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 INTERVALS = {  # what is asked for where it does not come: message, times a second
     "roll": (mavlink.MAVLINK_MSG_ID_ATTITUDE, 20.0),
     "grounded": (mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 2.0),
@@ -63,7 +64,8 @@ class Speaker:
         self.profile, self.listener, self._send_yaw = profile, listener, send_yaw
         self._motion_rate, self._origin = motion_rate, origin
         self._boots = listener.boots
-        self._asked = ["roll", "grounded"]
+        self._intervals = INTERVALS | {"fused": (profile.estimator, 1.0)}
+        self._asked = ["roll", "grounded", "fused"]
         self._asked += {"none": [], "tilt": ["height"], "all": ["height", "velocity"]}[aiding]
         self.withheld = 0
         self.commands: deque[Any] = deque()
@@ -128,13 +130,16 @@ class Speaker:
                 mavlink.MAVLink_set_gps_global_origin_message(target[0], *place, round(1e6 * now))
             )
             self._origin_attempts += 1
+            # ArduPilot passes over what it was given before, and confirms it only if asked.
+            command, wanted = mavlink.MAV_CMD_REQUEST_MESSAGE, [ORIGIN, *[0] * 6]
+            out.append(mavlink.MAVLink_command_long_message(*target, command, 0, *wanted))
+        states = {"grounded": self.listener.on_ground, "fused": self.listener.fused}
         aiding = self.listener.aiding(now)
         for name in self._asked:
-            known = self.listener.on_ground(now) if name == "grounded" else getattr(aiding, name)
+            known = states[name](now) if name in states else getattr(aiding, name)
             if known is None and self._is_due(name, now, REQUEST_PAUSE):
-                message, rate = INTERVALS[name]
-                wanted = [message, 1e6 / rate, *[0] * 5]
-                command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+                message, rate = self._intervals[name]
+                command, wanted = INTERVAL, [message, 1e6 / rate, *[0] * 5]
                 out.append(mavlink.MAVLink_command_long_message(*target, command, 0, *wanted))
         return out
 

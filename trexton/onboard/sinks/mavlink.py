@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 5.0
 WAIT = 0.005  # seconds that a position may wait for the wire; its stamp does not change
+MARKERS = b"\xfe\xfd"  # first byte of a message
 MIN_MESSAGE_BYTES = 8  # bytes; what the parser waits for before it knows more
 MOST_UNREAD = 500  # bytes in which no message is found, before it is said
 FUSED = {True: "has a position", False: "HAS NO POSITION", None: "does not say if it has one"}
@@ -42,7 +43,7 @@ class MavlinkSink(Sink):
 
     addresses = {
         "udpout:HOST:PORT": "MAVLink to one address",
-        "udpin:HOST:PORT": "MAVLink on a port of ours, to whoever speaks MAVLink there",
+        "udpin:HOST:PORT": "MAVLink on a port of ours, to the autopilot that speaks there",
         "serial:DEVICE:BAUD": "MAVLink on a serial line",
     }
     options = MavlinkOptions
@@ -153,10 +154,14 @@ class MavlinkSink(Sink):
     def _heard(self, now: float) -> str:
         listener = self.speaker.listener
         if listener.target is None:
-            unread = f", but {self._unread} bytes that are no MAVLink: look at port and baud rate"
+            why = " or not signed by our key" * (self._options.sign_key is not None)
+            unread = (
+                f", but {self._unread} bytes that are no MAVLink{why}: look at port and baud rate"
+            )
             return "no autopilot heard" + unread * (self._unread > MOST_UNREAD)
         words = f"autopilot {listener.target[0]} {'heard' if listener.present(now) else 'silent'}"
-        return words + ("" if listener.certain else ", SEVERAL VEHICLES: give --target")
+        doubt = "TWO OF ONE NUMBER" if listener.twins else "SEVERAL VEHICLES: give --target"
+        return words + ("" if listener.certain else f", {doubt}")
 
     def close(self) -> None:
         self._stop.set()
@@ -224,18 +229,19 @@ class MavlinkSink(Sink):
             target = listener.target
         if messages:
             self._why = ""
+        if any((each.get_srcSystem(), each.get_srcComponent()) == target for each in messages):
+            self._link.understood()  # another vehicle must not fly by what is ours
         if target is not None:
             self._codec.srcSystem = target[0]  # a companion shares the system of its vehicle
 
     def _parsed(self, data: bytes) -> list[Any]:
         if not data:
             return []
-        if self._link.datagrams:  # half a message in one must not swallow the next
+        # Half a message must not swallow the next; a bridge may cut one anywhere.
+        if self._link.datagrams and data[0] in MARKERS:
             self._codec.buf, self._codec.buf_index = bytearray(), 0
             self._codec.expected_length = MIN_MESSAGE_BYTES
         parsed = self._codec.parse_buffer(data) or []
         messages = [message for message in parsed if message.get_type() != "BAD_DATA"]
         self._unread = 0 if messages else self._unread + len(data)
-        if messages:
-            self._link.understood()
         return messages
