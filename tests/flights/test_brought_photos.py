@@ -248,3 +248,17 @@ def test_a_tiff_of_many_bands_is_named(tmp_path):
         path.write_bytes(data)
     with pytest.raises(TrextonError, match=r"0.tif: .*TIFF of over four bands"):
         import_flight(tmp_path, tmp_path / "out", kind="photos")
+
+
+def test_a_table_of_places_leaves_what_photographs_know_themselves(tmp_path):
+    source = photos(tmp_path / "p", xmp=b'<a drone-dji:RelativeAltitude="12"/>')
+    for i in range(6):
+        time = f"2024:05:01 10:00:{2 * i:02d}"
+        photo(source / f"IMG_{i + 7}.jpg", i, time=time, xmp=b'<a d:RelativeAltitude="12"/>')
+        (source / f"._IMG_{i + 7}.jpg").write_bytes(b"\0\5\x16\7" + bytes(4000))  # of macOS
+    rows = [f"IMG_{i + 7}.jpg,{47 + i * 1e-5},8" for i in range(6)]
+    (source / "positions.csv").write_text("\n".join(["file,lat,lon", *rows]))
+    flight, said = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(flight.time, 2 * np.arange(6))
+    np.testing.assert_allclose(flight.height, 12)
+    assert not any("left out" in line for line in said)

@@ -296,3 +296,28 @@ def test_what_is_no_recording_is_said_by_what_it_holds(tmp_path, name, text, sai
     (tmp_path / name).mkdir() if text is None else (tmp_path / name).write_text(text)
     with pytest.raises(TrextonError, match=said):
         import_flight(tmp_path / name, tmp_path / "out")
+
+
+def circled(folder, stamps):
+    places = [(2 + np.cos(angle), 2 + np.sin(angle)) for angle in np.arange(6) * 0.04]
+    rows = [f"{stamps[i]},{x},{y},{i}.png" for i, (x, y) in enumerate(places)]
+    return table(folder, rows)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6)])
+def test_a_counter_of_32_bits_that_begins_anew_counts_on(tmp_path, unit, factor):
+    stamps = (2**32 + np.arange(-3, 3) * int(0.08 * factor)) % 2**32
+    source = circled(tmp_path / "a", stamps)
+    flight, said = import_flight(source, tmp_path / "out", settings={"time_unit": unit})
+    np.testing.assert_allclose(flight.time, np.arange(6) * 0.08)
+    assert not any("order" in line for line in said)
+
+
+def test_a_clock_that_was_set_back_is_named(tmp_path):
+    _, said = import_flight(
+        circled(tmp_path / "a", [5, 5.1, 5.2, 4.05, 4.15, 4.25]), tmp_path / "o"
+    )
+    assert "goes on at row 5: was a clock set back?" in said[0]
+    rows = [f"{t},{t},0,{t}.png" for t in (3, 4, 5, 0, 1, 2)]  # two files, the later first
+    _, said = import_flight(table(tmp_path / "b", rows), tmp_path / "p")
+    assert said[0].endswith("1 rows of positions out of order, sorted by their stamps")

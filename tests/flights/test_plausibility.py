@@ -310,3 +310,15 @@ def test_stamps_in_days_are_seconds_again():
     (doubt,) = warnings(replace(flight, time=45_000 + flight.time / 86400))
     np.testing.assert_allclose(np.diff(doubt.mend(replace(flight, time=flight.time / 86400)).time),
                                np.diff(flight.time), atol=1e-9)  # fmt: skip
+
+
+@pytest.mark.parametrize("height", [None, 1.5])
+def test_a_slow_walk_in_centimetres_is_named(height):
+    time = np.arange(200) * 0.08
+    turn = np.array([2 + 1.5 * np.cos(0.4 * time), 2 + np.sin(0.4 * time)]).T
+    flight = replace(sound("circle", 3, 200), time=time, position=turn, area=(0, 5, 0, 5))
+    flight = replace(flight, height=None if height is None else np.full(200, height))
+    assert not warnings(flight)
+    (doubt,) = warnings(replace(flight, position=100 * turn, area=(0, 500, 0, 500)))
+    assert "positions in centimetres?" in doubt
+    np.testing.assert_allclose(doubt.mend(replace(flight, position=100 * turn)).position, turn)

@@ -20,6 +20,7 @@ from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
+FAST, MAX_TURN = 15.0, 10.0  # m/s, or heights a second, from where turns of so many m/s^2 are none
 MAX_MEDIAN_INTERVAL, SHORTEST = 30.0, 1e-4  # seconds between frames
 USUAL = 0.7, 4.0  # metres a second, and metres from wall to wall
 SLOW = 3.0, 0.02  # seconds between frames and metres a second that hardly come together
@@ -109,11 +110,13 @@ def _median_speed(flight: Flight) -> float:
 
 
 def _speed(flight: Flight) -> Iterator[str]:
-    if (speed := _median_speed(flight)) > MAX_MEDIAN_SPEED:
+    speed = _median_speed(flight)
+    extent = np.ptp(flight.position[flight.located], axis=0).max() if speed > 0 else 0.0
+    height = MAX_MEDIAN_SPEED if flight.height is None else np.nanmedian(np.abs(flight.height))
+    turning = speed > FAST and (speed**2 > MAX_TURN * extent / 2 or speed > FAST * height)
+    if speed > MAX_MEDIAN_SPEED or turning:
         # What leaves about a walk in about a room.
-        usual = np.array(
-            (speed / USUAL[0], np.ptp(flight.position[flight.located], axis=0).max() / USUAL[1])
-        )
+        usual = np.array((speed / USUAL[0], extent / USUAL[1]))
         unit, factor = min(_SMALLER, key=lambda each: np.abs(np.log(usual * each[1])).sum())
         yield Doubt(
             f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "

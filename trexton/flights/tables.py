@@ -109,6 +109,10 @@ class TextTable:
                 hint = f"give --time-unit {likely}" if likely else "count from the first"
                 raise self._refusal(name, row, f"in {unit} that is beyond the year 2262: {hint}")
             stamps[row] = int(stamp.to_integral_value())
+        if unit in ("ms", "us"):  # counters of 32 bits begin anew
+            share = stamps / (full := 2**32 * TIMES[unit])
+            anew = (share[:-1] > 0.99) & (share[:-1] < 1) & (share[1:] >= 0) & (share[1:] < 0.01)
+            stamps[1:] += full * np.cumsum(anew)
         return stamps
 
     def _number(self, name: str, row: int, text: str) -> float:

@@ -44,7 +44,7 @@ def read_log(path: Path) -> PoseTrack | None:
         return None
     track = read(path)
     if track is None or not len(track.time_ns):
-        raise FlightError(f"{path}: no position in it: was there a fix, and was it logged?")
+        raise FlightError(f"{path}: no position in it: is it a log, and was there a fix?")
     return track
 
 

@@ -64,10 +64,8 @@ def recognises(source: Path) -> bool:
 
 def _files(source: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
     folder = source / "images" if (source / "images").is_dir() else source
-    return sorted(
-        (each for each in folder.iterdir() if each.suffix.lower() in suffixes and each.is_file()),
-        key=natural_order,
-    )
+    found = (each for each in folder.glob("[!.]*") if each.suffix.lower() in suffixes)
+    return sorted(filter(Path.is_file, found), key=natural_order)
 
 
 def read(source: Path, settings: Settings) -> Recording:
@@ -217,12 +215,16 @@ def _from_table(path: Path, files: list[Path]) -> dict[Path, Shot]:
     latitude, longitude = table.numbers("lat"), table.numbers("lon")
     altitude = table.numbers("alt_m") if "alt_m" in table.header else np.nan + latitude
     taken = table.texts("time") if "time" in table.header else None
+    rows = _by_name(path, table.texts("file"), files)
+    shots = {file: read_shot(file) for file in rows}
+    timed = all(shot.time_ns for shot in shots.values())
     return {
-        file: Shot(
-            latitude[row], longitude[row], altitude[row],
-            time_ns=row * NANO if taken is None else time_of(path, taken[row]),
+        file: replace(
+            shots[file], latitude=latitude[row], longitude=longitude[row], altitude=altitude[row],
+            time_ns=time_of(path, taken[row]) if taken else
+            shots[file].time_ns if timed else row * NANO,
         )
-        for file, row in _by_name(path, table.texts("file"), files).items()
+        for file, row in rows.items()
     }  # fmt: skip
 
 

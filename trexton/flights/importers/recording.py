@@ -93,6 +93,13 @@ class PoseTrack:
         said = []
         if back := int((np.diff(self.time_ns) < 0).sum()):
             said.append(f"{where}: {back} rows of positions out of order, sorted by their stamps")
+            moved = np.hypot(*np.diff(self.position[:, :2], axis=0).T)
+            on = (np.diff(self.time_ns) < 0) & (moved <= 3 * np.nanmedian(moved))
+            if back <= 3 and on.any():
+                row = lines[int(on.argmax()) + 1]
+                said[0] += (
+                    f"; the place goes on at row {row}: was a clock set back? mend the stamps"
+                )
         if dropped := np.flatnonzero(~kept & ~wrong).tolist():
             rows = "row" if len(dropped) == 1 else "rows"
             said.append(
