@@ -145,7 +145,7 @@ def test_a_flight_never_replaces_the_picture_it_flies_over(tmp_path, capsys):
 def test_a_flight_that_breaks_off_leaves_the_old_one(tmp_path, floor, monkeypatch):
     record_flight(tmp_path / "flight", frames=2, floor=floor, camera=SMALL)
     before = contents(tmp_path / "flight")
-    monkeypatch.setattr(Simulator, "capture", lambda self: 1 / 0)
+    monkeypatch.setattr(Simulator, "capture", lambda self, moment: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         record_flight(tmp_path / "flight", frames=2, floor=floor, camera=SMALL, replace=True)
     assert contents(tmp_path / "flight") == before

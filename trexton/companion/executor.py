@@ -83,7 +83,12 @@ def end_with_parent() -> None:
 
 
 def spread(function: Callable[[T], R], items: Iterable[T], label: str = "") -> list[R]:
-    """``[function(item) for item in items]``, wherever there is room for it.
+    """``[function(item) for item in items]``, wherever there is room for it; see `spreading`."""
+    return list(spreading(function, items, label))
+
+
+def spreading(function: Callable[[T], R], items: Iterable[T], label: str = "") -> Iterator[R]:
+    """``map(function, items)``, wherever there is room for it.
 
     Parameters
     ----------
@@ -94,19 +99,20 @@ def spread(function: Callable[[T], R], items: Iterable[T], label: str = "") -> l
     label : str
         Names the bar that shows progress.
 
-    Returns
-    -------
-    list
-        Results in the order of `items`.
+    Yields
+    ------
+    result
+        In the order of `items`, each as soon as it and those before it are there.
     """
     items = list(items)
     processes = min(int(os.environ.get(PROCESSES) or 1), len(items))
     if processes <= 1:
-        return [function(item) for item in progress(items, label, len(items))]
+        yield from map(function, progress(items, label, len(items)))
+        return
     with ProcessPoolExecutor(
         processes, get_context("spawn"), initializer=_keep, initargs=(function,)
     ) as pool:
-        return list(progress(pool.map(_apply, items), label, len(items)))
+        yield from progress(pool.map(_apply, items), label, len(items))
 
 
 def _keep(function: Callable[[Any], Any]) -> None:

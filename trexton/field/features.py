@@ -83,5 +83,5 @@ def _values(histograms: np.ndarray, signed: bool) -> np.ndarray:
 def _informative(values: np.ndarray) -> np.ndarray:
     """Columns that vary; of those that are equal, which say nothing the second time, the first."""
     varying = np.flatnonzero(np.ptp(values, axis=0) > 1e-9 * np.abs(values).max(axis=0))
-    _, first = np.unique(values[:, varying], axis=1, return_index=True)
-    return varying[np.sort(first)]
+    first = {(values[:, column] + 0.0).tobytes(): column for column in varying[::-1]}
+    return np.array(sorted(first.values()), dtype=int)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -35,6 +36,11 @@ class Block:
 
     rows: np.ndarray
     left_out: np.ndarray
+
+    @cached_property
+    def inside(self) -> np.ndarray:
+        """Which of those left out are predicted."""
+        return np.isin(self.left_out, self.rows)
 
 
 def blocks_in_time(time: np.ndarray) -> list[Block]:
@@ -136,14 +142,14 @@ def merge_places(
     low, extent = places.min(axis=0), np.ptp(places, axis=0).max()
     side = max(extent, 1e-9) / largest
     while True:
-        cells = np.floor((places - low) / side).astype(np.int64)
-        _, index = np.unique(cells, axis=0, return_inverse=True)
-        index = index.ravel()
-        counts = np.bincount(index).astype(float)
-        if len(counts) <= largest:
+        x, y = np.floor((places - low) / side).astype(np.int64).T
+        cells = x * (largest + 1) + y
+        counts = np.bincount(cells).astype(float)
+        if np.count_nonzero(counts) <= largest:
             break
         side *= 1.2
-    order = np.argsort(index, kind="stable")
+    counts = counts[counts > 0]
+    order = np.argsort(cells, kind="stable")
     starts = np.concatenate([[0], np.cumsum(counts[:-1])]).astype(np.int64)
     mean_places = np.add.reduceat(places[order], starts) / counts[:, None]
     mean_features = np.add.reduceat(features[order], starts) / counts[:, None]
@@ -231,9 +237,8 @@ def nlpd(process: Process, blocks: Sequence[Block]) -> tuple[float, np.ndarray, 
     for block in blocks:
         left_out = block.left_out
         covariance = np.linalg.inv(process.precision[np.ix_(left_out, left_out)])
-        inside = np.isin(left_out, block.rows)
-        errors[block.rows] = (covariance @ process.weights[left_out])[inside]
-        variances[block.rows] = np.diag(covariance)[inside]
+        errors[block.rows] = (covariance @ process.weights[left_out])[block.inside]
+        variances[block.rows] = np.diag(covariance)[block.inside]
     variances = np.maximum(variances, process.noise)
     scale = (np.square(errors) / variances[:, None]).mean(axis=0)
     density = float(np.log(np.maximum(scale, 1e-300)).mean() + np.log(variances).mean())

@@ -73,10 +73,14 @@ class Tiles:
         blocks = blocks_in_time(time[thinned])
         length = LENGTH * max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
 
+        together = cls(np.zeros((parts, 2)))
+        of_tiles = together.blocks(blocks)
+
         def density(tiles: Tiles) -> float:
-            values = features.reshape(len(places) * len(tiles.offsets), -1)
+            count = len(tiles.offsets)
+            values = features.reshape(len(places) * count, -1)
             process = Process(tiles.places(places), values - values.mean(axis=0), length)
-            return nlpd(process, tiles.blocks(blocks))[0]
+            return nlpd(process, blocks if count == 1 else of_tiles)[0]
 
         size = max(float(np.abs(steps).max()), 1e-3)
         corners = size * SIMPLEX_SIZE * np.vstack([np.zeros(4), np.eye(4)])
@@ -91,7 +95,7 @@ class Tiles:
                 "maxfev": MAX_EVALUATIONS,
             },
         )
-        fitted, together = cls.apart(best.x.reshape(2, 2), parts), cls(np.zeros((parts, 2)))
+        fitted = cls.apart(best.x.reshape(2, 2), parts)
         return fitted if best.fun < min(density(whole), density(together)) - MIN_GAIN else whole
 
     @classmethod

@@ -123,6 +123,7 @@ class Floor:
         x, y = np.round(self.picture.corners, 6).T
         return (float(x.min()), float(x.max()), float(y.min()), float(y.max()))
 
+    @lru_cache(maxsize=2)  # noqa: B019  # as of `texture`
     def png(self) -> bytes:
         """The picture as a PNG file, with an alpha channel where parts are not mapped."""
         image = self.picture.image

@@ -19,8 +19,9 @@ from trexton.flights.frames import ImageFiles
 from trexton.flights.writing import write_tables
 from trexton.simulator.floor import Floor, Light
 from trexton.simulator.sensor import Effects
-from trexton.simulator.simulator import PERIOD, Simulator
+from trexton.simulator.simulator import PERIOD, Moment, Simulator
 from trexton.vision.camera import Camera
+from trexton.vision.threads import ahead
 
 Area = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in metres
 
@@ -193,11 +194,15 @@ def _fly(
     """Write the images; return their files and ``(frames, 6)`` truth."""
     (folder / "images").mkdir()
     files, truth = [], np.empty((frames, 6))
-    for index in progress(range(frames), "simulate", frames):
-        for _ in range(every if index else 1):
-            simulator.step(plan.goal(simulator.state.position))
-        truth[index] = simulator.measure()
-        data, suffix = simulator.capture()
+
+    def moments() -> Iterator[Moment]:
+        for index in progress(range(frames), "simulate", frames):
+            for _ in range(every if index else 1):
+                simulator.step(plan.goal(simulator.state.position))
+            truth[index] = simulator.measure()
+            yield simulator.moment()
+
+    for index, (data, suffix) in enumerate(ahead(simulator.capture, moments())):
         files.append(folder / "images" / f"{index:06d}{suffix}")
         files[-1].write_bytes(data)
     return tuple(files), truth

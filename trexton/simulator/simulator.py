@@ -19,6 +19,8 @@ TRUTH_NOISE = np.array([0.001, 0.001, 0.001, 0.002, 0.002, 0.002])
 _NODE = 8
 _EXPOSURE_TIME = 3.0  # seconds over which the camera's gain changes
 
+Moment = tuple[VehicleState, float, tuple[int, int]]  # with the gain, and part of the noise
+
 
 class Simulator:
     """A camera on a vehicle over a floor.
@@ -92,18 +94,24 @@ class Simulator:
         noise = TRUTH_NOISE * self._truth_rng.standard_normal(6)
         return np.concatenate(self.state.pose()) + noise
 
+    def moment(self) -> Moment:
+        """All that a frame at this moment depends on: it can be drawn later, in another thread."""
+        state = self.state
+        self._texture.level(self.camera.focal / state.position[2])  # threads find it made
+        return state, max(self._gain, 0.1), self._offset
+
     def render(self) -> np.ndarray:
         """The frame at this moment, ``(H, W, 3) uint8`` Y, U, V, as `capture` would write it."""
-        return self._sensor.deliver(self._frame())
+        return self._sensor.deliver(self._frame(self.moment()))
 
-    def capture(self) -> tuple[bytes, str]:
-        """The frame at this moment as a file's bytes and its suffix."""
-        return self._sensor.encode(self._frame())
+    def capture(self, moment: Moment | None = None) -> tuple[bytes, str]:
+        """The frame at this moment, or at another, as a file's bytes and its suffix."""
+        return self._sensor.encode(self._frame(moment or self.moment()))
 
-    def _frame(self) -> np.ndarray:
-        state = self.state
+    def _frame(self, moment: Moment) -> np.ndarray:
+        state, gain, offset = moment
         scene = self._blur(self._project(state), state)
-        return self._sensor.develop(scene, max(self._gain, 0.1), self._offset)
+        return self._sensor.develop(scene, gain, offset)
 
     def _world_from_pixel(self, state: VehicleState, delay: float) -> np.ndarray:
         return self.camera.world_from_pixel(*state.pose(delay))

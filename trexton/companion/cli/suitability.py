@@ -13,7 +13,7 @@ from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file, canonical_json, check_not_read, check_writable
 from trexton.base.progress import say
-from trexton.companion.executor import spread, working_on
+from trexton.companion.executor import spreading, working_on
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,13 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
     flights = chosen_options(arguments, VirtualFlights)
     floors = {name: _floor(name, arguments) for name in arguments.images}
     files = _files(Path(arguments.out), floors) if arguments.out else {}
-    with working_on(processes=usable_cores()):
-        first = spread(partial(first_prediction, flights=flights), floors.values())
-        for name, error_cm in zip(floors, first, strict=True):
-            if error_cm is not None:
+    steps = [(step, name) for step in (first_prediction, judge_floor) for name in floors]
+    # A single floor is judged here, on all cores: processes would share less of the work.
+    with working_on(processes=min(len(floors), usable_cores())):
+        answers = spreading(partial(_answer, floors, flights), steps, "floors")
+        for name in floors:
+            if (error_cm := next(answers)) is not None:
                 say(f"{name}: about {error_cm:.0f} cm by first, coarse flights")
-        whole = spread(partial(judge_floor, flights=flights), floors.values(), "floors")
-    judged = dict(zip(floors, whole, strict=True))
+        judged = dict(zip(floors, answers, strict=True))
     ranked = sorted(judged, key=lambda name: judged[name]["predicted_cm"])
     for place, name in enumerate(ranked, start=1):
         entry = judged[name]
@@ -72,6 +73,11 @@ def run(arguments: argparse.Namespace) -> int:
             predicted_errors(floors[name], judged[name]).savefig(stream, format="png", dpi=150)
         say(f"{file}.png, {file.name}.json")
     return 0
+
+
+def _answer(floors: dict[str, Any], flights: Any, asked: tuple[Any, str]) -> Any:
+    step, name = asked
+    return step(floors[name], flights=flights)
 
 
 def _floor(name: str, arguments: argparse.Namespace) -> Any:

@@ -59,15 +59,11 @@ class VirtualFlights(Options):
         usual = int(np.clip(path / (SURVEY_SPEED * PERIOD * every), 200, 2000))
         record = partial(record_flight, floor=floor, height=self.height, every=every, camera=camera)
 
-        def flights(of: range) -> list[Flight]:
-            return [
-                record(folder / str(n), pattern="waypoints" if n else "survey", seed=self.seed + n,
-                       frames=self.test_frames if n else self.frames or usual)
-                for n in of
-            ]  # fmt: skip
-
-        # Those of one light share what the floor looks like: they stay in one thread.
-        (survey,), later = ahead(flights, [range(1), range(1, count + 1)])
+        survey, *later = [
+            record(folder / str(n), pattern="waypoints" if n else "survey", seed=self.seed + n,
+                   frames=self.test_frames if n else self.frames or usual)
+            for n in range(count + 1)
+        ]  # fmt: skip
         return survey, later
 
 
