@@ -83,12 +83,7 @@ def end_with_parent() -> None:
 
 
 def spread(function: Callable[[T], R], items: Iterable[T], label: str = "") -> list[R]:
-    """``[function(item) for item in items]``, wherever there is room for it; see `spreading`."""
-    return list(spreading(function, items, label))
-
-
-def spreading(function: Callable[[T], R], items: Iterable[T], label: str = "") -> Iterator[R]:
-    """``map(function, items)``, wherever there is room for it.
+    """``[function(item) for item in items]``, wherever there is room for it.
 
     Parameters
     ----------
@@ -98,12 +93,12 @@ def spreading(function: Callable[[T], R], items: Iterable[T], label: str = "") -
         Picklable.
     label : str
         Names the bar that shows progress.
-
-    Yields
-    ------
-    result
-        In the order of `items`, each as soon as it and those before it are there.
     """
+    return list(spreading(function, items, label))
+
+
+def spreading(function: Callable[[T], R], items: Iterable[T], label: str = "") -> Iterator[R]:
+    """As `spread`, each result as soon as it and those before it are there."""
     items = list(items)
     processes = min(int(os.environ.get(PROCESSES) or 1), len(items))
     if processes <= 1:

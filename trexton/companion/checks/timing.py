@@ -110,13 +110,9 @@ class Scene:
         return record_flight(self.folder / "flight", frames=self.frames, seed=self.seed)
 
     @cached_property
-    def rows(self) -> np.ndarray:
-        return evenly_spread(len(self.flight), VIEWS)
-
-    @cached_property
     def views(self) -> list[np.ndarray]:
         """``(480, 640, 3)`` frames."""
-        return [self.flight.image(row) for row in self.rows]
+        return [self.flight.image(row) for row in evenly_spread(len(self.flight), VIEWS)]
 
     def train(self, method: str) -> TextonMap:
         return train_map(self.flight, method=method, rng=stream(self.seed, "training"))
