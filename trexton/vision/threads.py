@@ -37,16 +37,10 @@ def thread_count() -> int:
 
 
 def in_strips(work: Callable[[slice], T], rows: int) -> list[T]:
-    """Call `work` on equal slices of `rows` rows, one a thread, the first of them in this one."""
+    """Call `work` on equal slices of `rows` rows, one a thread."""
     strips = min(thread_count(), rows)
-    own, *others = (slice(rows * i // strips, rows * (i + 1) // strips) for i in range(strips))
-    if not others:
-        return [work(own)]
-    from concurrent.futures import ThreadPoolExecutor  # it takes a while to load
-
-    with ThreadPoolExecutor(len(others), initializer=_work) as pool:
-        waiting = pool.map(work, others)
-        return [work(own), *waiting]
+    slices = (slice(rows * i // strips, rows * (i + 1) // strips) for i in range(strips))
+    return list(ahead(work, slices))
 
 
 def ahead(work: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:

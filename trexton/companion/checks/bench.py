@@ -51,11 +51,9 @@ _FRAMES: tuple[tuple[str, tuple[str, ...], float | None], ...] = (
 
 def train(scene: Scene) -> Contests:
     """A map of the flight, on two threads, against decoding its images once."""
-    flight = scene.flight
-    decoding = "decoding the images", lambda: list(flight.images())
     for method, limit in (("paper", 4.0), ("field", 5.0)):
-        ours = f"train {method}", f"{len(flight)} frames", partial(_anew, scene, method)
-        yield Contest(*ours, *decoding, limit, threads=2, rounds=3)
+        ours = f"train {method}", f"{len(scene.flight)} frames", partial(_anew, scene, method)
+        yield Contest(*ours, *scene.decoding, limit, threads=2, rounds=3)
 
 
 def _anew(scene: Scene, method: str) -> TextonMap:

@@ -109,6 +109,11 @@ class Scene:
 
         return record_flight(self.folder / "flight", frames=self.frames, seed=self.seed)
 
+    @property
+    def decoding(self) -> tuple[str, Callable[[], object]]:
+        """The yardstick of what works on the whole flight."""
+        return "decoding the images", lambda: list(self.flight.images())
+
     @cached_property
     def views(self) -> list[np.ndarray]:
         """``(480, 640, 3)`` frames."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -35,7 +35,7 @@ def learning(scene: Scene) -> Iterator[Contest]:
             with_parts, texton_map, {role: part.untrained() for role, part in own.parts.items()}
         )
         yield Contest(
-            "learn field", f"{len(texton_map.time)} frames", learn, *_decoding(scene), limit,
+            "learn field", f"{len(texton_map.time)} frames", learn, *scene.decoding, limit,
             rounds=1,
         )  # fmt: skip
 
@@ -69,7 +69,7 @@ def answers(scene: Scene) -> Iterator[Contest]:
         for what, limit in (("first number", first), ("whole", whole)):
             ask = partial(_ask, words, alone=what != "whole")
             yield Contest(
-                f"{words[0]}, {what}", f"{len(scene.flight)} frames", ask, *_decoding(scene), limit,
+                f"{words[0]}, {what}", f"{len(scene.flight)} frames", ask, *scene.decoding, limit,
                 threads=2, rounds=1,
             )  # fmt: skip
 
@@ -91,7 +91,3 @@ def _ask(words: list[str], alone: bool) -> None:
                     return
     if run.returncode or alone:
         raise subprocess.CalledProcessError(run.returncode, command, stderr="".join(said))
-
-
-def _decoding(scene: Scene) -> tuple[str, Callable[[], object]]:
-    return "decoding the images", lambda: list(scene.flight.images())
