@@ -282,3 +282,27 @@ def test_a_calibration_of_kalibr(tmp_path):
     assert (found.width, found.focal, found.center) == (64, 60, (32, 24))
     np.testing.assert_allclose(distortion, [-0.28, 0.07, 0.0002, 0.00001])
     assert read_calibration(path, "cam1")[0].center == (32, 25)
+
+
+def test_columns_of_poses_are_no_features(tmp_path):
+    rows = [f"{i / 10},{i / 5},{i},1.5,0.1,{i % 3},{i % 5},{i % 7}" for i in range(20)]
+    (tmp_path / "f.csv").write_text("t,x,y,z_m,Yaw,beacon,t0,zone\n" + "\n".join(rows))
+    flight, said = import_flight(tmp_path / "f.csv", tmp_path / "a", kind="features")
+    assert flight.histograms.shape == (20, 3)
+    assert any("columns t, z_m, Yaw are no features" in line for line in said)
+    named = {"time": "t", "z": "z_m", "yaw": "Yaw"}
+    flight, said = import_flight(
+        tmp_path / "f.csv", tmp_path / "b", kind="features", settings=named
+    )
+    assert flight.histograms.shape == (20, 3) and not any("features by" in line for line in said)
+
+
+def test_lists_and_trajectories_may_count_in_seconds_and_nanoseconds(tmp_path):
+    for i in range(6):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), picture(i))
+    (tmp_path / "rgb.txt").write_text("".join(f"{15 * 10**8 + i}.25 {i}.png\n" for i in range(6)))
+    (tmp_path / "groundtruth.txt").write_text(
+        "".join(f"{(15 * 10**8 + i) * 10**9 + 250_000_000} {i} 0 1 1 0 0 0\n" for i in range(6))
+    )
+    flight, _ = import_flight(tmp_path, tmp_path / "out", kind="tum")
+    np.testing.assert_allclose(flight.position[:, 0], np.arange(6.0))

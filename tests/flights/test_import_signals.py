@@ -42,6 +42,8 @@ def test_an_import_is_recognised_and_becomes_a_flight(tmp_path):
         ("stamp,source,value\n1,a,loud\n", "loud"),
         ("stamp,source,value\n1,a\n", "row 2: 2 fields where 3"),
         ("stamp,source,value\n", "no rows"),
+        ("stamp,source,value\n1,a,nan\n", "no row has a value"),
+        ("stamp,source,value\n1700000000000,a,2\n", "a stamp in seconds"),
     ],
 )
 def test_what_is_no_log_is_named(tmp_path, text, said):
@@ -64,3 +66,11 @@ def test_the_public_walks_become_one_flight_with_splits(tmp_path):
     assert flight.split == {"train": (0, 3), "test": (4, 7)}
     assert flight.histograms.shape == (8, 2)
     assert np.diff(flight.time)[3] == 60
+
+
+def test_a_stamp_of_another_year_takes_no_memory(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text(LOG + "1.7e9,b,-50,3.0,2.0\n")
+    recording = read(log, Settings())
+    assert recording.histograms.shape == (5, 2)
+    np.testing.assert_allclose(recording.histograms[-1], [-100, -50])

@@ -113,7 +113,8 @@ def _speed(flight: Flight) -> Iterator[str]:
     speed = _median_speed(flight)
     extent = np.ptp(flight.position[flight.located], axis=0).max() if speed > 0 else 0.0
     height = MAX_MEDIAN_SPEED if flight.height is None else np.nanmedian(np.abs(flight.height))
-    turning = speed > FAST and (speed**2 > MAX_TURN * extent / 2 or speed > FAST * height)
+    turning = speed > FAST and speed * np.ptp(flight.time) > 2 * extent  # to and fro
+    turning &= speed**2 > MAX_TURN * extent / 2 or speed > FAST * height
     if speed > MAX_MEDIAN_SPEED or turning:
         # What leaves about a walk in about a room.
         usual = np.array((speed / USUAL[0], extent / USUAL[1]))

@@ -65,24 +65,16 @@ class Shot:
     def located(self) -> bool:
         return bool(np.isfinite([self.latitude, self.longitude]).all())
 
-    @property
-    def fixed(self) -> bool:
-        """Whether it is not at 0, 0, where receivers put what has no fix."""
-        return max(abs(self.latitude), abs(self.longitude)) > 1e-6
-
 
 def read_shot(path: Path) -> Shot:
     """What EXIF and XMP tell; where they tell no place, the time alone."""
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     try:
         with Image.open(path) as image:
             exif, xmp = image.getexif(), image.info.get("xmp", b"")
             gps, details = exif.get_ifd(_GPS), exif.get_ifd(_DETAILS)
-    except (
-        KeyError, TypeError, ValueError, UnidentifiedImageError, OSError,
-        Image.DecompressionBombError,
-    ):  # fmt: skip
+    except (KeyError, TypeError, ValueError, OSError, Image.DecompressionBombError):
         return Shot()
     taken = 0
     for moment, part in _TAKEN:

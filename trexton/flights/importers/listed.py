@@ -4,6 +4,7 @@ features. A class each, with the options and functions that an importer has.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from trexton.vision.calibration import read_calibration
 _LISTS = ("rgb.txt", "images.txt", "left_images.txt", "times.txt")
 _TRACKS = ("mocap0", "vicon0", "leica0", "state_groundtruth_estimate0")
 _NANOSECONDS = 1e16  # stamps from here on cannot be seconds
+_POSES = re.compile(r"(?i)(t|time|stamp|z|height|yaw|roll|pitch|q[wxyz])(_([mun]?s|m|deg|rad))?$")
 
 
 class Euroc:
@@ -102,15 +104,18 @@ class Tum:
         if listed is None:
             named = ", ".join(names)
             raise FlightError(f"{source}: no list of images ({named}): name it with --images")
-        table = _read_list(listed)
-        latest = np.abs(table.numbers("stamp", missing_allowed=False)).max()
-        unit = "ns" if latest >= _NANOSECONDS else "s"
-        columns = replace(TUM, axes=settings.axes, quaternion=settings.quaternion, time_unit=unit)
-        path = source / settings.trajectory
-        track, said = columns.of(read_table(path, trajectory_names(path, settings.quaternion)))
+        table, path = _read_list(listed), source / settings.trajectory
+        poses = read_table(path, trajectory_names(path, settings.quaternion))
+        columns = replace(TUM, axes=settings.axes, quaternion=settings.quaternion)
+        track, said = replace(columns, time_unit=_unit(poses)).of(poses)
         files = ImageFiles(tuple(source / name for name in table.texts("file")))
-        stamps = table.nanoseconds("stamp", unit)
+        stamps = table.nanoseconds("stamp", _unit(table))
         return Recording(stamps, track, files, source="TUM folder", said=said)
+
+
+def _unit(table: TextTable) -> str:
+    latest = np.abs(table.numbers("stamp", missing_allowed=False)).max()
+    return "ns" if latest >= _NANOSECONDS else "s"
 
 
 def _list(source: Path, names: tuple[str, ...]) -> Path | None:
@@ -212,7 +217,11 @@ class Features:
         track, said = settings.of(table, stamps)
         used = {"frame", "id", settings.x, settings.y, settings.z, settings.time, settings.yaw}
         used |= set(settings.quaternion.split(","))
-        names = [name for name in table.header if name not in used]
+        others = [name for name in table.header if _POSES.match(name) and name not in used]
+        if others:
+            words = f"columns {', '.join(others)} are no features by their names, left out"
+            said.append(f"{source}: {words}: name them with --time, --z or --yaw")
+        names = [name for name in table.header if name not in {*used, *others}]
         if not names:
             raise FlightError(f"{source}: no column of values beside the positions: add some")
         values = [table.numbers(name, missing_allowed=False) for name in names]

@@ -34,6 +34,7 @@ from trexton.vision.images import natural_order, read_image
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 OTHERS = (".heic", ".heif", ".avif", ".webp", ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw")
+_WITHOUT = "photographs without a position, left out: {}"
 _NEAR = 100 / 6371  # radii of the Earth
 # What columns of a table may be called: by exiftool, Pix4D, Metashape and by hand.
 _COLUMNS = {
@@ -84,7 +85,7 @@ def read(source: Path, settings: Settings) -> Recording:
         names, poses, words = posed
         rows = _by_name(path, names, files)
         known = list(rows)
-        words += _left_out(len(files) - len(known))
+        words += [_WITHOUT.format(len(files) - len(known))] * (len(files) > len(known))
         stamps = _stamps(known)
         track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
     else:
@@ -99,10 +100,6 @@ def read(source: Path, settings: Settings) -> Recording:
     )  # fmt: skip
 
 
-def _left_out(count: int) -> list[str]:
-    return [f"photographs without a position, left out: {count}"] * bool(count)
-
-
 def _located(
     source: Path, table: Path | None, files: list[Path], shots: dict[Path, Shot]
 ) -> tuple[list[Path], list[str]]:
@@ -111,13 +108,14 @@ def _located(
     """
     placed = [file for file in files if file in shots and shots[file].located]
     dated = [file for file in placed if table or shots[file].time_ns]
-    said = _left_out(len(files) - len(placed))
+    said = [_WITHOUT.format(len(files) - len(placed))] * (len(files) > len(placed))
     if placed and not dated:
         said.append("photographs without a time: taken as one a second, by their names")
     elif undated := len(placed) - len(dated):
         said.append(f"photographs without a time that can be read, left out: {undated}")
         placed = dated
-    fixed = [file for file in placed if shots[file].fixed]
+    places = {file: (shots[file].latitude, shots[file].longitude) for file in placed}
+    fixed = [file for file in placed if np.abs(places[file]).max() > 1e-6]
     if unfixed := len(placed) - len(fixed):
         said.append(f"photographs without a fix, at 0, 0, left out: {unfixed}")
     if fixed and not (near := _near([shots[file] for file in fixed])).all():

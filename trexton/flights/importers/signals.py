@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording
@@ -46,7 +47,9 @@ class Log:
             [table.numbers(name) if name in table.header else unknown for name in ("x", "y", "z")]
         )
         time, value = table.numbers("stamp"), table.numbers("value")
-        good = np.isfinite(time) & np.isfinite(value)
+        good = (np.abs(time) < 9e9) & np.isfinite(value)  # later ones are not in seconds
+        if not good.any():
+            raise FlightError(f"{path}: no row has a value, and a stamp in seconds: give both")
         return cls(time[good], np.array(table.texts("source"))[good], value[good], position[good])
 
 
@@ -55,21 +58,21 @@ def frames_of(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of each bin with a reading: ``(N,)`` seconds, ``(N, K)`` values, ``(N, 3)`` positions."""
     start = log.time.min()
-    index = np.floor((log.time - start) / settings.bin).astype(int)
-    size, columns = index.max() + 1, np.searchsorted(sources, log.source)
-    total, heard = np.zeros((2, size, len(sources)))
+    bins = np.floor((log.time - start) / settings.bin)
+    used, index = np.unique(bins, return_inverse=True)  # a stamp may lie years from the others
+    columns = np.searchsorted(sources, log.source)
+    total, heard = np.zeros((2, len(used), len(sources)))
     np.add.at(total, (index, columns), log.value)
     np.add.at(heard, (index, columns), 1)
     values = np.full(total.shape, settings.floor)
     since = np.full(len(sources), np.inf)  # seconds
-    for row in range(size):
+    for row, gap in enumerate(settings.bin * np.diff(used, prepend=-1)):
         new = heard[row] > 0
-        since = np.where(new, 0.0, since + settings.bin)
+        since = np.where(new, 0.0, since + gap)
         values[row] = np.where(since <= settings.keep, values[row - 1], settings.floor)
         values[row, new] = total[row, new] / heard[row, new]
-    used = np.unique(index)
-    places = np.array([log.position[index == row].mean(axis=0) for row in used])
-    return start + settings.bin * used, values[used], places
+    places = np.array([log.position[index == row].mean(axis=0) for row in range(len(used))])
+    return start + settings.bin * used, values, places
 
 
 def recognises(source: Path) -> bool:
@@ -85,9 +88,5 @@ def read(source: Path, settings: Settings) -> Recording:
     time, values, places = frames_of(log, np.unique(log.source), settings)
     stamps = np.rint(time * NANO).astype(np.int64)
     track = PoseTrack(stamps, places) if np.isfinite(places[:, :2]).any() else None
-    said = [
-        f"{source}: {len(log.time)} readings of {values.shape[1]} sources in {len(time)} frames"
-    ]
-    return Recording(
-        stamps, track, histograms=values, features="signals", source=f"log {source.name}", said=said
-    )
+    name, said = f"log {source.name}", f"{source}: {len(log.time)} readings in {len(time)} frames"
+    return Recording(stamps, track, histograms=values, features="signals", source=name, said=[said])
