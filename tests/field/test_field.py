@@ -162,11 +162,22 @@ def test_arrays_that_do_not_fit_each_other_or_the_grid_are_refused(field):
     for name, array in arrays.items():
         with pytest.raises(MapError, match="has shape"):
             Field.from_arrays(arrays | {name: array[None]})
-    fewer = {name: arrays[name][:-1] for name in ("mean", "variance", "prior")}
+    fewer = {name: arrays[name][:-1] for name in ("variance", "prior")}
     with pytest.raises(MapError, match="fits no grid"):
         Field.from_arrays(arrays | fewer)
     with pytest.raises(MapError, match="noise is not finite"):
         Field.from_arrays(arrays | {"noise": np.nan * arrays["noise"]})
+
+
+def test_a_field_is_read_with_its_mean_or_with_what_makes_it(field):
+    arrays = field.arrays()
+    assert "mean" not in arrays and field.mean.nbytes > arrays["process"].nbytes
+    kept = {name: arrays[name] for name in arrays if name not in ("process", "length")}
+    older = Field.from_arrays(kept | {"mean": field.mean})
+    for each in (older, Field.from_arrays(older.arrays()), Field.from_arrays(arrays)):
+        np.testing.assert_array_equal(each.mean, field.mean)
+    with pytest.raises(MapError, match="neither a mean nor what makes it"):
+        Field.from_arrays(kept)
 
 
 def test_histograms_that_are_all_alike_are_refused():

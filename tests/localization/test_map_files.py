@@ -115,6 +115,27 @@ def test_whole_maps_load(texton_map, tmp_path):
         np.testing.assert_array_equal(to_arrays(again)[name], array)
 
 
+def test_maps_of_the_schema_before_load(texton_map, tmp_path):
+    again = load_map(stored(tmp_path / "map.npz", texton_map, schema=np.int64(2)))
+    np.testing.assert_array_equal(again.histograms, texton_map.histograms)
+
+
+@pytest.mark.parametrize("counted", [True, False])
+def test_frequencies_are_stored_as_what_was_counted(counted, texton_map, tmp_path, rng):
+    counts = rng.multinomial(23 * 31, np.full(5, 0.2), len(texton_map.histograms))
+    frequencies = counts / counts.sum(axis=1, keepdims=True)
+    whole = replace(
+        texton_map,
+        dictionary=TextonDictionary(np.zeros((5, 2, 2, 3), np.uint8)),
+        image_shape=(24, 32),
+        histograms=frequencies if counted else frequencies * (1 + 1e-9),
+    )
+    again = load_map(save_map(whole, tmp_path / "map.npz"))
+    np.testing.assert_array_equal(again.histograms, whole.histograms)
+    names = {"counts", "histograms"} & read_arrays(tmp_path / "map.npz").keys()
+    assert names == {"counts" if counted else "histograms"}
+
+
 def test_maps_of_other_features_and_of_whole_numbers_load(tmp_path):
     flight = histogram_flight("hall", frames=80)
     for changes in (

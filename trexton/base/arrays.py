@@ -9,28 +9,32 @@ import io
 import os
 import tokenize
 import zipfile
+import zlib
 from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZIP_STORED
 
 import numpy as np
 
 from trexton.base.errors import DataError
 
 MOST_BYTES = 2**31
+MOST_UNPACKED = 2**26  # of a small file; of a large one so many times its size:
+MOST_TIMES = 16
 MOST_LIST = 2**16  # bytes of the list of names: a map of every part has fewer than 4,000
 # What a damaged file makes NumPy, zip and JSON raise.
 DAMAGE = (
     OSError, ValueError, LookupError, EOFError, TypeError, AttributeError, OverflowError,
-    MemoryError, RuntimeError, SyntaxError, tokenize.TokenError, zipfile.BadZipFile,
+    MemoryError, RuntimeError, SyntaxError, tokenize.TokenError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 
 
 def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """The named arrays of a ``.npz`` file that NumPy wrote uncompressed.
+    """The named arrays of a ``.npz`` file that NumPy wrote.
 
     Raises
     ------
     DataError
-        It is no regular file, too large, or would unpack to more than it holds.
+        It is no regular file, too large, or would unpack to far more than it holds.
     OSError, ValueError, zipfile.BadZipFile
         It is missing or damaged.
     """
@@ -50,15 +54,13 @@ def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
             raise DataError(f"{length} bytes that name arrays: expected at most {MOST_LIST}")
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
-        # Arrays are stored as they are, each with bytes of its own: what unpacks to more than the
-        # file, or shares bytes with another, was not written by this library.
-        total = sum(member.file_size for member in members)
-        packed = next((each for each in members if each.compress_type != zipfile.ZIP_STORED), None)
-        if packed is not None or total > size:
-            name = members[0].filename if packed is None else packed.filename
+        # Each has bytes of its own: those that share them were not written by this library.
+        total, packed = sum(m.file_size for m in members), sum(m.compress_size for m in members)
+        kinds = {member.compress_type for member in members} - {ZIP_STORED, ZIP_DEFLATED}
+        if kinds or packed > size or total > max(MOST_UNPACKED, MOST_TIMES * size):
             raise DataError(
-                f"{name} and the others would unpack to {total} bytes in a file of {size}: "
-                "expected arrays stored as they are, as trexton writes them"
+                f"its arrays would unpack to {total} bytes in a file of {size}: "
+                "expected them as trexton writes them"
             )
         if len({member.filename for member in members}) < len(members):
             raise DataError("two arrays have one name: copy or make it again")

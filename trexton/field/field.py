@@ -23,6 +23,7 @@ from trexton.field.likelihood import (
     error_terms,
     grid_cells,
     log_prior,
+    posterior_mean,
     rbf_kernel,
     tile_bases,
 )
@@ -49,6 +50,7 @@ class Field(MeasurementModel):
     """The likelihood of a histogram over the whole floor, from processes of the training flight."""
 
     needs = {}
+    optional = frozenset({"process", "length", "mean"})  # maps of version 1.0 hold the mean alone
     cells: int = option(
         4800,
         "squares of the floor, about; fewer where there are many features",
@@ -60,6 +62,8 @@ class Field(MeasurementModel):
     center: np.ndarray = learned()  # (d,) their means
     signal: np.ndarray = learned()  # (d,) their variances over the floor
     noise: np.ndarray = learned()  # (d, d) their covariance from frame to frame
+    process: np.ndarray = learned()  # (N, 2 + d / C) metres and weights of what makes the mean
+    length: np.ndarray = learned()  # () metres, of its kernel
     mean: np.ndarray = learned()  # (M, d) the field at the cells, less the centre
     variance: np.ndarray = learned()  # (M,) its variance there, as a share of the signal
     prior: np.ndarray = learned()  # (M,) log density of the training flight over the cells
@@ -122,7 +126,6 @@ class Field(MeasurementModel):
         chosen, judged, _ = cross_validate(places, centred, training.time, area, tiles, counted)
         merged, values, counts = merge_places(tiles.places(places), values)
         process = Process(merged, values, chosen.length, counts, noise=chosen.noise)
-        mean = np.hstack([process.mean(centers + offset) for offset in tiles.offsets])
         variance = tiles.variance(process, centers, area)
         flown, _, counts = merge_places(places, places)
         prior = log_prior(rbf_kernel(centers, flown, process.length) @ counts, counted)
@@ -130,7 +133,8 @@ class Field(MeasurementModel):
             axes=taken.axes,
             signed=np.array(taken.signed),
             center=np.tile(middle, parts),
-            mean=mean.astype(np.float32),
+            process=np.hstack([merged + origin, process.weights]),
+            length=np.array(process.length),
             variance=variance,
             prior=prior,
             area=np.array(training.area, dtype=float),
@@ -148,6 +152,11 @@ class Field(MeasurementModel):
     def width(self) -> int:
         return len(self.axes)
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """As `Part.arrays`, without what is made of others."""
+        made = {"mean"} if self.process is not None else set()
+        return {name: array for name, array in super().arrays().items() if name not in made}
+
     def prepare(self) -> None:
         """Raise `MapError` for arrays that are not finite, or do not fit each other or the grid."""
         d, count = len(self.center), len(self.variance)
@@ -156,6 +165,8 @@ class Field(MeasurementModel):
             "mean": (count, d), "variance": (count,), "prior": (count,), "area": (4,),
             "errors": (3,), "error_coefficients": (3,), "offsets": (len(self.offsets), 2),
         }  # fmt: skip
+        if self.process is not None:
+            shapes["process"] = (len(self.process), 2 + d // max(1, len(self.offsets)))
         for name, array in self.arrays().items():
             if array.shape != shapes.get(name, ()):  # all others are numbers
                 raise MapError(f"the field's {name} has shape {array.shape}: train the map again")
@@ -164,7 +175,16 @@ class Field(MeasurementModel):
         wanted = min(self.cells, max(16, MAX_TABLE // d))
         self.centers, self.shape = grid_cells(tuple(self.area.tolist()), wanted)
         if len(self.centers) != count:
-            raise MapError(f"a field of shape {self.mean.shape} fits no grid: train the map again")
+            raise MapError(f"a field of {count} cells fits no grid: train the map again")
+        if self.process is not None:
+            places, weights = np.split(self.process, [2], axis=1)
+            origin, length = places.mean(axis=0).round(-3), float(self.length)
+            known = places - origin, weights, length
+            cells = [self.centers - origin + offset for offset in self.offsets]
+            self.mean = np.hstack([posterior_mean(each, *known) for each in cells])
+            self.mean = self.mean.astype(np.float32)
+        elif self.mean is None:
+            raise MapError("the field has neither a mean nor what makes it: train the map again")
         self.features = Features(self.axes, bool(self.signed))
         self._tables: dict[int | None, TileTables] = {}
         self.error_model = ErrorModel(*self.errors.tolist())  # of single frames

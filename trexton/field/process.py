@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from trexton.field.likelihood import kernels, matern, posterior_mean
 from trexton.vision.threads import ahead
 
 # Noise of a frame as a share of the signal variance, what the field must not try to follow: of
@@ -112,19 +113,6 @@ def blocks_in_space(
     ]
 
 
-def matern(places: np.ndarray, others: np.ndarray, length: float) -> np.ndarray:
-    """``(N, M)`` Matern kernel with nu = 3/2 (R&W 4.17): rough enough for the edges of a floor."""
-    result = np.square(places).sum(axis=1)[:, None] + np.square(others).sum(axis=1)
-    result -= 2 * places @ others.T
-    np.sqrt(np.maximum(result, 0, out=result), out=result)
-    result *= np.sqrt(3) / length
-    decay = np.negative(result)
-    np.exp(decay, out=decay)
-    result += 1
-    result *= decay
-    return result
-
-
 def merge_places(
     places: np.ndarray, features: np.ndarray, largest: int = MAX_PLACES
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -187,19 +175,15 @@ class Process:
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """``(M, K)`` mean at places, in slices that stay small."""
-        return np.concatenate([kernel @ self.weights for kernel in self._kernels(places)])
+        return posterior_mean(places, self.places, self.weights, self.length)
 
     def variance(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` variance at places, without noise."""
         explained = [
             np.einsum("ij,ij->i", kernel @ self.precision, kernel)
-            for kernel in self._kernels(places)
+            for kernel in kernels(places, self.places, self.length)
         ]
         return np.maximum(1 - np.concatenate(explained), 0)
-
-    def _kernels(self, places: np.ndarray) -> Iterator[np.ndarray]:
-        for first in range(0, len(places), 1024):
-            yield matern(places[first : first + 1024], self.places, self.length)
 
     def predict_without(
         self, blocks: Sequence[Block], places: Sequence[np.ndarray]

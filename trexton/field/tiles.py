@@ -77,10 +77,9 @@ class Tiles:
         of_tiles = together.blocks(blocks)
 
         def density(tiles: Tiles) -> float:
-            count = len(tiles.offsets)
-            values = features.reshape(len(places) * count, -1)
+            values = features.reshape(len(places) * len(tiles.offsets), -1)
             process = Process(tiles.places(places), values - values.mean(axis=0), length)
-            return nlpd(process, blocks if count == 1 else of_tiles)[0]
+            return nlpd(process, of_tiles if len(tiles.offsets) > 1 else blocks)[0]
 
         size = max(float(np.abs(steps).max()), 1e-3)
         corners = size * SIMPLEX_SIZE * np.vstack([np.zeros(4), np.eye(4)])

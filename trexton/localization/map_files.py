@@ -17,9 +17,10 @@ from trexton.base.errors import DataError, MapError, ParameterError
 from trexton.localization.base import Part
 from trexton.localization.methods import fitting, name_of, part_class
 from trexton.localization.texton_map import TextonMap
+from trexton.vision.images import position_grid
 from trexton.vision.textons import TextonDictionary
 
-SCHEMA = 2
+SCHEMA, READ = 3, (2, 3)  # written; and read
 
 
 def save_map(texton_map: TextonMap, path: str | os.PathLike[str]) -> Path:
@@ -27,7 +28,7 @@ def save_map(texton_map: TextonMap, path: str | os.PathLike[str]) -> Path:
     from trexton.base.files import atomic_file  # as a flight only reads
 
     content = io.BytesIO()  # a ZipFile on a full disk complains once more when it is dropped
-    np.savez(content, **to_arrays(texton_map))  # type: ignore[arg-type]
+    np.savez_compressed(content, **_counted(texton_map))  # type: ignore[arg-type]
     with atomic_file(path, "wb") as stream:
         stream.write(content.getbuffer())
     return Path(path)
@@ -51,6 +52,23 @@ def load_map(path: str | os.PathLike[str]) -> TextonMap:
     except DAMAGE as error:
         words = f"{path}: not a whole texton map ({error}): copy or train it again"
         raise MapError(words) from None
+
+
+def _counted(texton_map: TextonMap) -> dict[str, np.ndarray]:
+    """The arrays to store: frequencies as the counts that they are of, which take less room."""
+    arrays, shape = to_arrays(texton_map), texton_map.image_shape
+    if texton_map.dictionary is not None and shape is not None:
+        size = np.prod(position_grid(shape, texton_map.dictionary.patch))
+        counts = np.rint(arrays["histograms"] * size).astype(np.uint32)
+        if np.array_equal(_frequencies(counts), arrays["histograms"]):
+            arrays["counts"] = counts
+            del arrays["histograms"]
+    return arrays
+
+
+def _frequencies(counts: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore", divide="ignore"):  # refused by `check_map`
+        return np.asarray(counts / counts.sum(axis=1, keepdims=True))
 
 
 def to_arrays(texton_map: TextonMap) -> dict[str, np.ndarray]:
@@ -96,7 +114,7 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
         An array is missing.
     """
     schema = int(arrays["schema"])
-    if schema != SCHEMA:
+    if schema not in READ:
         advice = "is newer, update trexton" if schema > SCHEMA else "is older, train it again"
         raise MapError(f"map schema {schema}, expected {SCHEMA}: it {advice}")
     header = json.loads(arrays["header"].tobytes())
@@ -111,7 +129,7 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
         rectified = Rectification.from_table(rectified)
     whole = TextonMap(
         TextonDictionary(arrays["textons"]) if "textons" in arrays else None,
-        arrays["histograms"],
+        _frequencies(arrays["counts"]) if "counts" in arrays else arrays["histograms"],
         arrays["positions"],
         arrays["time"],
         tuple(arrays["area"].tolist()),

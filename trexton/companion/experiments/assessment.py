@@ -68,10 +68,7 @@ class Parameters(MapParameters):
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Fly every method over the test flight and say what limits them.
 
-    Parameters
-    ----------
-    train, test : Flight
-        With images, or with histograms; test frames without a position are flown and not judged.
+    With images, or with histograms; test frames without a position are flown and not judged.
     """
     frames, known = frames_of(test), test.located
     runs, timings, field_map = {}, {}, None

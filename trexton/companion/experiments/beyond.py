@@ -80,10 +80,7 @@ class Parameters(MapParameters):
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Fly every variant over the test flight, from a uniform start, and measure its error.
 
-    Parameters
-    ----------
-    train, test : Flight
-        With images, or with histograms; then `samples` and `textons` do not apply.
+    With images, or with histograms; then `samples` and `textons` do not apply.
     """
     texton_map, located = map_of(train, parameters), train.select(train.located)
     frames, truth = frames_of(test), test.position

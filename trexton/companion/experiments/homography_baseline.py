@@ -27,13 +27,7 @@ class Parameters(SeedParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Locate every test frame on the mosaic of the training flight, unfiltered.
-
-    Parameters
-    ----------
-    train, test : Flight
-        With images.
-    """
+    """Locate every test frame on the mosaic of the training flight, unfiltered."""
     picture = stitched_map(train).map
     position = locate_all(picture, test)
     rng = stream(parameters.seed, "intervals")

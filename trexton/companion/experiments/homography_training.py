@@ -55,11 +55,6 @@ class Parameters(MapParameters):
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """The motion-capture experiment again, its training positions from homographies on the flight's
     own mosaic.
-
-    Parameters
-    ----------
-    train, test : Flight
-        With images.
     """
     picture = stitched_map(train).map
     position = locate_all(picture, train)

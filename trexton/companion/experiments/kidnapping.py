@@ -83,11 +83,6 @@ class Parameters(MapParameters):
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Kidnap the vehicle again and again, with the paper's filter, with augmented Monte Carlo
     localization and with the field.
-
-    Parameters
-    ----------
-    train, test : Flight
-        With images, or with histograms.
     """
     texton_map, frames = map_of(train, parameters), train.select(train.located)
     period = float(np.median(np.diff(test.time)))

@@ -54,11 +54,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     Two kinds of error: on the training flight each frame is localized by its k-NN among the others,
     those within half a second left out; on the test flight by the k-NN and by the filter. There the
     loss is that of the place, smoothed from the training samples around it.
-
-    Parameters
-    ----------
-    train, test : Flight
-        With images, or with histograms.
     """
     texton_map = map_of(train, parameters)
     histograms, positions = texton_map.histograms, texton_map.positions

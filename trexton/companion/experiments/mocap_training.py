@@ -51,10 +51,7 @@ class Parameters(MapParameters):
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Train on one flight, localize every frame of another, compare with motion capture.
 
-    Parameters
-    ----------
-    train, test : Flight
-        With images, or with histograms; then `samples` and `textons` do not apply.
+    With images, or with histograms; then `samples` and `textons` do not apply.
     """
     texton_map, runs, values, series = train_and_fly(train, test, parameters)
     floor, pictures = floor_picture(test)

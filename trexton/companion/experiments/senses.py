@@ -35,10 +35,7 @@ class Parameters(baselines.Parameters):
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Train on seven walks and locate the frames of two others, with every method.
 
-    Parameters
-    ----------
-    train, test : Flight
-        Not used; they name the record.
+    The flights are not used; they name the record.
     """
     try:
         walks = read_ble(*locate("ble"))

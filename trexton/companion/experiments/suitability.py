@@ -57,13 +57,7 @@ class Parameters(SeedParameters, VirtualFlights):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Judge every floor.
-
-    Parameters
-    ----------
-    train, test : Flight
-        Name the record; the flights over the floors are recorded here.
-    """
+    """Judge every floor. The flights name the record; those over the floors are recorded here."""
     names = parameters.floors.split()
     rows = spread(partial(_judged, parameters), names, "floors")
     means = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}

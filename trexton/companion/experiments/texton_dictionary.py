@@ -34,10 +34,7 @@ class Parameters(SeedParameters):
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Learn the dictionary of a flight, and see how often each texton occurs.
 
-    Parameters
-    ----------
-    train, test : Flight
-        With images. The dictionary comes from the first alone.
+    With images. The dictionary comes from the first alone.
     """
     rng = stream(parameters.seed, "training")  # the stream that maps are trained with
     per_image = parameters.patches_per_image

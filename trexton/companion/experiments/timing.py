@@ -45,10 +45,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     are decoded. The localizer has one thread: libraries that share a frame among several wait for
     one another where other programs want a processor too.
 
-    Parameters
-    ----------
-    train, test : Flight
-        With images, or with histograms; then there is no histogram to time, and no homography.
+    With images, or with histograms; then there is no histogram to time, and no homography.
     """
     texton_map, frames = map_of(train, parameters), frames_of(test)
     options: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}

@@ -53,11 +53,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
     The time is that of `Localizer.step` on one thread, the image at hand and decoded. Only images
     can be sampled.
-
-    Parameters
-    ----------
-    train, test : Flight
-        With images, or with histograms.
     """
     bench = Bench(train, test, parameters, parameters.repeats)
     sweeps = {name: bench.sweep(name) for name in SWEPT if name != "samples" or test.has_images}

@@ -50,11 +50,8 @@ class Parameters(MapParameters, LandingParameters):
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Land wherever the localizer says that the vehicle is in the zone, over and over.
 
-    Parameters
-    ----------
-    train, test : Flight
-        The map is trained on `train`, and flown over the floor it carries. Of `test` nothing is
-        used: the virtual camera takes its place, under the light of an hour later.
+    The map is trained on `train`, and flown over the floor it carries. Of `test` nothing is
+    used: the virtual camera takes its place, under the light of an hour later.
 
     Raises
     ------
