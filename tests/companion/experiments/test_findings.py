@@ -175,7 +175,7 @@ def test_settings_and_choices():
         "fewest_samples_error_cm": entry(68, 0, 0),
         "full_sampling_error_cm": entry(63, 0, 0),
     }
-    assert "from 68 to 63 cm" in found("trade_off", values, series={"grid": [1]})
+    assert "from 68 cm to 63 cm" in found("trade_off", values, series={"grid": [1]})
     values["tuned_setting"] = {"particles": 400, "neighbors": 3, "samples": None}
     values |= {"tuned": {}, "tuned_error_cm": entry(55, 50, 60)}
     text = found("trade_off", values, series={"grid": [1, 2]})
