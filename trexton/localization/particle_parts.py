@@ -1,8 +1,8 @@
 """What a particle filter leaves open: how the set is drawn anew, which one position it stands for,
 and how it comes back when it was kidnapped.
 
-The paper draws by a wheel, takes the maximum a posteriori, and has no recovery: its filter cannot
-leave a place where its particles have gathered.
+The paper draws by a wheel, takes the maximum a posteriori, and has no recovery: from a place where
+they have gathered its particles can only walk.
 """
 
 from __future__ import annotations

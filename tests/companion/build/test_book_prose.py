@@ -37,7 +37,7 @@ def test_the_first_page_says_what_its_pages_found(results):
         {
             "page": "triggered_landing",
             "flight": "Virtual hall (simulated)",
-            "text": "13 of 50 flights ended inside the zone.",
+            "text": "By the paper's trigger 13 of 50 flights ended inside.",
         }
     ]
     records["cyberzoo"]["triggered_landing"] = {}

@@ -25,6 +25,9 @@ LOOKED_AT = (
     "uncertainty", "rooms",
 )  # fmt: skip
 
+COLUMNS = 6  # of a table, at most
+WIDEST = """Math.max(0, ...[...document.querySelectorAll('.bd-article tr')]
+    .map(row => row.cells.length))"""
 SHIFTED = """() => new Promise(done => {
     let sum = 0;
     new PerformanceObserver(list => list.getEntries().forEach(e => { sum += e.value; }))
@@ -63,6 +66,8 @@ def test_a_page_is_sound_at_any_width(open_page, axe, name, dark):
         faults.append(f"moves while it loads: {shift:.3f}")
     if (weight := page.evaluate(WEIGHT)) >= PAGE_BYTES:
         faults.append(f"weighs {weight} bytes")
+    if (columns := page.evaluate(WIDEST)) > COLUMNS:
+        faults.append(f"has a table of {columns} columns")
     faults += axe(page)
     for width in widths:
         page.set_viewport_size({"width": width, "height": 900})

@@ -105,14 +105,14 @@ class Page:
         return Markdown(template.render(Tree(self.record.values | names | more)))
 
     def claims(self) -> HTML:
-        """What the paper claims of this experiment, and the verdicts of this flight."""
+        """What is claimed of this experiment, and the verdicts of this flight."""
         records = {self.record.experiment: self.record}
         for name in EXPERIMENTS[self.record.experiment].after:
             if (path := self.folder / f"{name}.json").exists():
                 records[name] = Record.load(path)
         mine = [claim for claim in load_claims() if claim.experiment == self.record.experiment]
         rows = judge_all({self.record.flight: records}, mine)
-        return HTML(claims_html(rows, "What the paper claims, and our test of it."))
+        return HTML(claims_html(rows, "What is claimed, and our test of it."))
 
     def frame(self, table: pd.DataFrame, caption: str, name: str = "") -> HTML:
         """A table with its caption; text refers to it by its name: ``[the table](#name)``."""
@@ -230,7 +230,7 @@ def _number(value: float | None) -> str:
 def ledger(out: str) -> tuple[HTML, HTML]:
     """Judge all records below `out`, write ``claims.json``; counts of verdicts, and the ledger."""
     rows = write_ledger(Path(out))
-    table = claims_html(rows, "Every claim of the paper, and our test of it.")
+    table = claims_html(rows, "Every claim, and our test of it.")
     return HTML(counts_html(rows, "Verdicts by flight.")), HTML(filters_html(rows) + table)
 
 

@@ -143,7 +143,7 @@ def renewed_readme(text: str, results: Path) -> str:
 
 def kept_records() -> Tree:
     """``{experiment: values}`` of the long runs kept with the code, ``timings`` too."""
-    kept = [path for path in kept_results() if path.stem in EXPERIMENTS]
+    kept = [path for path in kept_results() if not path.stem.startswith("sweep-")]
     records = {path.stem: Record.load(path) for path in kept}
     values = {name: each.values | {"timings": each.timings} for name, each in records.items()}
     if "fine" in records:

@@ -54,6 +54,8 @@ def for_phones(figure: Figure) -> bytes | None:
     across = 1 if len(shown) <= _ONE_COLUMN else 2
     down = -(-len(shown) // across)
     grid = GridSpec(down, across, figure)
+    labelled = [columns == 1 and axes.get_position().x0 > 0.25 for axes in shown]
+    left: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0, 1)}
     for count, axes in enumerate(shown):
         row, column = divmod(count, columns)
         # What panels shared is said at each, where it is said at all.
@@ -64,7 +66,9 @@ def for_phones(figure: Figure) -> bytes | None:
         axes.set_subplotspec(grid[count])
         if isinstance(axes.xaxis.get_major_locator(), LogLocator):
             axes.xaxis.set_major_locator(LogLocator())  # few, so that they stay apart
-        _stack(axes, axes.get_legend(), loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2)
+        # Where long labels take the left, a legend that begins there would squeeze the plot.
+        place = {"loc": "lower right", "bbox_to_anchor": (1, 1)} if labelled[count] else left
+        _stack(axes, axes.get_legend(), borderaxespad=0.2, **place)
     for legend in figure.legends:
         _stack(figure, legend, loc="outside lower center")
     high = min(height / rows, 1.1 * PHONE_WIDTH / across)  # of a row

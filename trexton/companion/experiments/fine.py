@@ -246,10 +246,10 @@ def finding(record: Record, long: Record | None = None) -> str:
     gross = sum(everything[key]["gross"] for key in ATTITUDES)
     stitched = wording.distance(record.values["flight"]["stitched"]["free"]["mean_cm"])
     return (
-        f"Over {len(over.values['floors'])} floors the mean error is {with_attitude} with the "
-        f"autopilot's attitude and {without} without. {gross} of {frames:,} frames are off by more "
-        f"than {100 * GROSS:.0f} cm. On a map stitched from the flight itself it is {stitched} "
-        "without attitude."
+        f"Over {len(over.values['floors'])} floors method fine has a mean error of {with_attitude} "
+        f"with the autopilot's attitude, and {without} without. {gross} of {frames:,} frames are "
+        f"off by more than {100 * GROSS:.0f} cm. On a map stitched from the flight itself it is "
+        f"{stitched} without attitude."
     )
 
 

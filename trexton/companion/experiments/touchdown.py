@@ -230,11 +230,10 @@ def targets(record: Record) -> Figure:
             zone_ring(axes, (0, 0), radius)
             inside = np.hypot(*places.T) <= radius
             for within, rows in ((True, inside), (False, ~inside)):
-                words = f"{'inside' if within else 'outside'}: {rows.sum()} of {len(rows)}"
                 color = COLORS.get(entry.map, COLORS["field"])
-                landed(axes, places[rows], color, words, inside=within)
-            axes.set_title(fill(entry.label, 20), fontsize=8.5)
-            axes.legend(loc="lower left", fontsize=7, handletextpad=0.1, borderaxespad=0.1)
+                landed(axes, places[rows], color, "", inside=within)
+            words = f"{entry.label}: {inside.sum()} of {len(inside)} inside"
+            axes.set_title(fill(words, 24), fontsize=8.5)
             axes.set_aspect("equal")
         limits = (-1.08 * most, 1.08 * most)
         grid[0, 0].set(xlim=limits, ylim=limits)

@@ -255,7 +255,7 @@ def _spans(rows: list[dict[str, Any]], key: str) -> np.ndarray:
 
 
 def _name(value: int | None) -> str:
-    return "all" if value is None else f"{value:,}".replace(",", "\u202f")
+    return "all" if value is None else str(value) if value < 10_000 else f"{value // 1000:,} k"
 
 
 def _ticks(axes: Axes, places: list[Any], values: list[Any]) -> None:
