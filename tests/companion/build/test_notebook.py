@@ -101,6 +101,19 @@ def test_quantities_are_rounded_and_the_absent_left_out(page):
     assert "<caption>c &amp; d</caption>" in html
 
 
+def test_lengths_of_a_large_flight_are_in_metres(page):
+    values = page.record.values
+    far = {"value": 5619.0, "low": 5000.0, "high": 6200.0}
+    values |= {"far": far, "farther": 7000.0}
+    rows = {"Filter (cm)": "far", "Neighbours (cm)": "farther", "Frames": "frames"}
+    cells = re.findall("<td>(.*?)</td>", page.quantities(rows, "").data)
+    assert cells == ["Filter", "56.2 [50, 62] m", "Neighbours", "70 m", "Frames", "12,345"]
+    near = re.findall(
+        "<td>(.*?)</td>", page.quantities({**rows, "k (cm)": "knn.median_cm"}, "").data
+    )
+    assert near[0] == "Filter (cm)" and near[1].startswith("5,619")
+
+
 def test_errors_stand_beside_the_papers_with_their_intervals(page):
     html = page.table({"Neighbours": "knn", "Absent": "no.such"}, "Errors").data
     rows = [re.findall("<td>(.*?)</td>", row) for row in html.split("<tr>")[1:]]

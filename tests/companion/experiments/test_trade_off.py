@@ -1,5 +1,8 @@
 """Speed against accuracy: errors against direct runs, what sweeps hold, the stored histograms."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_room import histogram_flight, picture_flight
@@ -210,3 +213,15 @@ def test_figures_show_the_record(record, without_images, tmp_path):
         for cost, error in edge.get_xydata():
             assert not ((points[:, 0] < cost) & (points[:, 1] <= error)).any()
     assert not without_images.series.get("samples")
+
+
+def test_a_finding_has_one_unit(record):
+    def scaled(entry, factor):
+        if isinstance(entry, dict):
+            return {key: scaled(each, factor) for key, each in entry.items()}
+        return entry * factor if isinstance(entry, float) else entry
+
+    near = trade_off.finding(record)
+    assert " cm" in near and not re.search(r"\d m\b", near)
+    far = trade_off.finding(replace(record, values=scaled(record.values, 100.0)))
+    assert re.search(r"\d m\b", far) and " cm" not in far

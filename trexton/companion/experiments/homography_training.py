@@ -19,7 +19,7 @@ from trexton.companion.experiments.metrics import euclidean, summarize
 from trexton.companion.experiments.mocap_training import train_and_fly
 from trexton.companion.experiments.mosaic import locate_all, stitched_map
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
-from trexton.companion.wording import middle, number
+from trexton.companion.wording import lengths, middle
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 
@@ -85,10 +85,9 @@ def finding(record: Record) -> str:
     values = record.values
     noise = [values[f"{name}_process_std_cm"] for name in ROWS]
     errors = [middle(values[name]["mean_cm"]) for name in ROWS]
-    text = (
-        f"Trained on homography positions the filter has an error of {number(errors[0])} cm, and "
-        f"of {number(errors[1])} cm where they are filtered first."
-    )
+    first, filtered = map(lengths(min(errors)), errors)
+    text = f"Trained on homography positions the filter has an error of {first}, "
+    text += f"and of {filtered} where they are filtered first."
     if np.argsort(noise).tolist() == np.argsort(errors)[::-1].tolist():
         text += (
             " Positions that jitter widen its motion noise, and a filter with more follows sooner."

@@ -18,7 +18,7 @@ from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedPa
 from trexton.companion.experiments.evaluation import map_picture
 from trexton.companion.experiments.metrics import euclidean
 from trexton.companion.experiments.style import SERIES, legend_below, plan_canvas
-from trexton.companion.wording import number
+from trexton.companion.wording import distance
 from trexton.flights.flight import Flight
 from trexton.registration.homography import HomographyLocalizer
 from trexton.registration.mosaic import Mosaic, stitch
@@ -101,10 +101,10 @@ def locate_all(picture: MapImage, flight: Flight) -> np.ndarray:
 def finding(record: Record) -> str:
     """What the experiment found, in two sentences."""
     values = record.values
-    off = number(values["frame_position_error_cm"]["median"])
+    off = distance(values["frame_position_error_cm"]["median"])
     return (
         f"{values['used']} of {values['frames']} frames were stitched into one map, placed by the "
-        f"positions of {values['anchors']}. It puts frames {off} cm off (median)."
+        f"positions of {values['anchors']}. It puts frames {off} off (median)."
     )
 
 
