@@ -107,6 +107,13 @@ def test_what_nobody_measured_of_a_map_is_said(flight):
     assert "WARNING: nobody measured" in line("recovery=augmented")
 
 
+def test_a_heading_of_more_than_a_turn_is_refused(flight, capsys):
+    """A point left out turned the map by a third of a turn, and nobody was told."""
+    folder, path = flight
+    assert main(["onboard", str(path), "--camera", str(folder), "--heading", "840"]) == 1
+    assert "heading is 840.0: expected 360 or less" in capsys.readouterr().err
+
+
 def test_without_a_heading_an_autopilot_is_warned_of(flight, capsys):
     folder, path = flight
     words = ["onboard", str(path), "--camera", str(folder), "--output", "udpout:127.0.0.1:9"]

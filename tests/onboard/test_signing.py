@@ -71,6 +71,21 @@ def test_a_stranger_is_not_believed(peer, sink, key):
     assert "SEVERAL" not in sink.status()
 
 
+def test_an_autopilot_that_signs_and_gets_nothing_signed_is_told(peer):
+    """It passed over all positions, and all that was said was that it had none."""
+    sink = open_sink(f"udpout:127.0.0.1:{peer.port}", surroundings())
+    sink.open()
+    try:
+        assert eventually(lambda: peer.of("HEARTBEAT"))
+        peer.send(AUTOPILOT_HEARTBEAT.pack(sign_with(mavlink.MAVLink(None, 1, 1), KEY)))
+        words = "autopilot 1 heard, SIGNS ITS MESSAGES: give --sign-key"
+        assert eventually(lambda: sink.status() == words)
+        peer.send(AUTOPILOT_HEARTBEAT)
+        assert eventually(lambda: sink.status() == "autopilot 1 heard")
+    finally:
+        sink.close()
+
+
 def test_a_computer_whose_clock_was_never_set_signs_all_the_same(peer, tmp_path, monkeypatch):
     sign_with(peer.codec, KEY).signing.timestamp = 0  # an autopilot that has no clock either
     monkeypatch.setattr("trexton.onboard.sinks.mavlink.time.time", lambda: 60.0)

@@ -58,7 +58,7 @@ class MapPlacement(Options):
     """How the map lies"""
 
     heading: float | None = option(
-        None, "compass heading of the map's +y axis, degrees; north unless given"
+        None, "compass heading of the map's +y, degrees; north unless given", low=-360, high=360
     )
     height: float = option(
         1.0, "flying height in metres, which is not estimated", low=0.01, high=1000

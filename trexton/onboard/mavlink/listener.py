@@ -49,8 +49,8 @@ class Listener:
 
     Attributes
     ----------
-    twins : bool
-        Whether two autopilots of its number were heard.
+    twins, signs : bool
+        Whether two autopilots of its number were heard, and whether it signs its messages.
     boots : int
         How often the autopilot has started anew while we listened: it has forgotten
         what it was sent.
@@ -67,7 +67,7 @@ class Listener:
         self.heard: set[tuple[int, int]] = set()  # every autopilot that may be ours
         self.heard_at = -np.inf
         self.boots, self._awake_ms, self._began = 0, 0, -np.inf
-        self.twins = False
+        self.twins = self.signs = False
         self.answers: deque[int] = deque(maxlen=64)  # to landing commands
         self.news: deque[dict[str, Any]] = deque(maxlen=256)
         self.timesyncs: deque[Any] = deque(maxlen=16)
@@ -163,6 +163,7 @@ class Listener:
             self.news.append({"event": "autopilot", "system": system, "component": component})
         if self.target == who:
             self.heard_at, self._mode = now, message.custom_mode
+            self.signs = bool(message.get_header().incompat_flags & mavlink.MAVLINK_IFLAG_SIGNED)
 
     def _notice_boot(self, awake_ms: int | None, now: float) -> None:
         """An autopilot whose own clock has jumped back by seconds has started anew, unless it
@@ -210,15 +211,13 @@ class Listener:
         if message.target_system in ours and message.target_component in (0, self._component):
             if message.command == mavlink.MAV_CMD_NAV_LAND:
                 self.answers.append(message.result)
-            self.news.append(
-                {"event": "answer", "command": message.command, "result": message.result}
-            )
+            answer = {"command": message.command, "result": message.result}
+            self.news.append({"event": "answer", **answer})
 
     def _on_gps_global_origin(self, message: Any, now: float) -> None:
-        self.origin = (message.latitude * 1e-7, message.longitude * 1e-7)
-        self.news.append(
-            {"event": "origin", "latitude": self.origin[0], "longitude": self.origin[1]}
-        )
+        latitude, longitude = message.latitude * 1e-7, message.longitude * 1e-7
+        self.origin = latitude, longitude
+        self.news.append({"event": "origin", "latitude": latitude, "longitude": longitude})
 
     def _on_statustext(self, message: Any, now: float) -> None:
         text = message.text if isinstance(message.text, str) else repr(message.text)

@@ -154,12 +154,12 @@ class MavlinkSink(Sink):
     def _heard(self, now: float) -> str:
         listener = self.speaker.listener
         if listener.target is None:
-            why = " or not signed by our key" * (self._options.sign_key is not None)
-            unread = (
-                f", but {self._unread} bytes that are no MAVLink{why}: look at port and baud rate"
-            )
-            return "no autopilot heard" + unread * (self._unread > MOST_UNREAD)
+            key = " or not signed by our key" * (self._options.sign_key is not None)
+            why = f", but {self._unread} bytes that are no MAVLink{key}: look at port and baud rate"
+            return "no autopilot heard" + why * (self._unread > MOST_UNREAD)
         words = f"autopilot {listener.target[0]} {'heard' if listener.present(now) else 'silent'}"
+        if listener.signs and self._options.sign_key is None:
+            words += ", SIGNS ITS MESSAGES: give --sign-key"
         doubt = "TWO OF ONE NUMBER" if listener.twins else "SEVERAL VEHICLES: give --target"
         return words + ("" if listener.certain else f", {doubt}")
 
