@@ -20,7 +20,7 @@ from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
-FAST, MAX_TURN = 15.0, 10.0  # m/s, or heights a second, from where turns of so many m/s^2 are none
+FAST, MAX_TURN = 15.0, 6.0  # m/s, or heights a second, from where turns of so many m/s^2 are none
 MAX_MEDIAN_INTERVAL, SHORTEST = 30.0, 1e-4  # seconds between frames
 USUAL = 0.7, 4.0  # metres a second, and metres from wall to wall
 SLOW = 3.0, 0.02  # seconds between frames and metres a second that hardly come together
