@@ -58,6 +58,9 @@ def test_heights_above_the_sea_are_no_heights(tmp_path):
          'Camera:AboveGroundAltitude="39.8"', (0, 10, -90)),
         ('drone:RelativeAltitude="39.8" drone:GimbalPitchDegree="-90" drone:GimbalYawDegree="0"',
          (0, 0, 0)),
+        # Autel's pitch is that of a gimbal, in the names of Pix4D.
+        ('Camera:Pitch="-80" Camera:Yaw="90" Camera:Roll="0" drone:RelativeAltitude="39.8"',
+         (0, 10, -90)),
         # Parrot's own documentation writes a fraction.
         ('Camera:AboveGroundAltitude="10433331/262144" Camera:Pitch="0" Camera:Yaw="0"', (0, 0, 0)),
         # Straight down, a roll turns the picture; turned over, the gimbal looks down as well.

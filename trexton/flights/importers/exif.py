@@ -130,6 +130,7 @@ def _attitude(values: dict[str, float]) -> tuple[float, float, float]:
         if yaw is not None and pitch is not None:
             turn = Rotation.from_euler("ZYX", (yaw, pitch, roll or 0.0), degrees=True)
             turn = Rotation.from_matrix(_NORTH_EAST_DOWN) * turn
+            axes = axes if pitch > -45 or ":" not in name else _AHEAD  # as Autel counts
             attitude = attitude_from_quaternions(turn.as_quat(), axes)[0]
             return float(attitude[0]), float(attitude[1]), float(attitude[2])
     return _UNKNOWN
