@@ -216,3 +216,19 @@ def test_a_trajectory_among_its_pictures_is_no_folder_of_photographs(tmp_path):
     flight, _ = import_flight(tmp_path, tmp_path / "out", settings=settings)
     np.testing.assert_allclose(flight.position[:, 0], 5 * np.arange(9.0))
     np.testing.assert_allclose(np.degrees(flight.attitude), [[0, 0, 30]] * 9, atol=1e-9)
+
+
+def test_padding_behind_a_log_is_passed_over_in_silence(tmp_path, capsys):
+    (tmp_path / "1.bin").write_bytes(ardupilot_log() + bytes(3000))
+    track, _ = read_track(tmp_path / "1.bin", TrackColumns())
+    assert len(track.time_ns) == 20 and not capsys.readouterr().out
+
+
+def test_subtitles_of_autel(tmp_path):
+    (tmp_path / "v.srt").write_text("\n".join(
+        f"{i}\n00:00:0{i},000 --> 00:00:0{i + 1},000\nHOME(W: 7.0, S: 40.0) 2021-01-01 10:00:00\n"
+        f"GPS(W: 8.000000, S: {47 + i * 1e-5:.6f}, 46.00m)\n" for i in range(5)
+    ))  # fmt: skip
+    track, _ = read_track(tmp_path / "v.srt", TrackColumns())
+    np.testing.assert_allclose(track.origin, (-47.00004, -8.0))
+    np.testing.assert_allclose(np.diff(track.position[:, 1]), -1.112, atol=0.01)

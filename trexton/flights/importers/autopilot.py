@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ _MESSAGES = {
 _NUMBER = r"([-+]?\d+(?:\.\d+)?)"
 # DJI's two ways; the first gives longitude before latitude.
 _GPS = re.compile(rf"GPS\s*\({_NUMBER},\s*{_NUMBER}")
+_AUTEL = re.compile(rf"GPS\s*\(([EW]):\s*{_NUMBER},\s*([NS]):\s*{_NUMBER}")
 _PLACE = re.compile(rf"latitude\s*:\s*{_NUMBER}.*?longt?itude\s*:\s*{_NUMBER}", re.S)
 _HEIGHT = re.compile(rf"(?:rel_alt\s*:|\bH|BAROMETER\s*:)\s*{_NUMBER}")
 _CLOCK = re.compile(r"(\d{1,6}):(\d\d):(\d\d)[,.](\d{3})\s*-->")
@@ -52,7 +53,8 @@ def read_log(path: Path) -> PoseTrack | None:
 def _library(path: Path) -> Iterator[None]:
     """Around what a library is asked for, and nothing else: our own faults keep their traceback."""
     try:
-        yield
+        with redirect_stdout(io.StringIO()):  # they print every byte of what they skip
+            yield
     except ImportError as error:
         raise FlightError(f"{path}: needs {error.name}: pip install {error.name}") from None
     except Exception as error:  # whatever it raises of a damaged log
@@ -66,13 +68,8 @@ def _earthly(rows: np.ndarray, attitude: np.ndarray | None = None) -> PoseTrack 
         return None
     metres, origin = local_metres(*rows[fixed, 1:3].T)
     turned = None if attitude is None else attitude[fixed]
-    return PoseTrack(
-        _nanoseconds(rows[fixed, 0]), np.column_stack([metres, rows[fixed, 3]]), turned, origin
-    )
-
-
-def _nanoseconds(seconds: np.ndarray) -> np.ndarray:
-    return np.rint(seconds * NANO).astype(np.int64)
+    stamps = np.rint(NANO * rows[fixed, 0]).astype(np.int64)
+    return PoseTrack(stamps, np.column_stack([metres, rows[fixed, 3]]), turned, origin)
 
 
 def _subtitles(path: Path) -> PoseTrack | None:
@@ -84,6 +81,9 @@ def _subtitles(path: Path) -> PoseTrack | None:
             place = found.groups()
         elif (found := _GPS.search(block)) is not None:
             place = found.groups()[::-1]
+        elif (found := _AUTEL.search(block)) is not None:
+            east, longitude, north, latitude = found.groups()
+            place = "-" * (north == "S") + latitude, "-" * (east == "W") + longitude
         else:
             continue
         hours, minutes, seconds, milli = map(int, clock.groups())
@@ -131,7 +131,8 @@ def _ardupilot(path: Path) -> PoseTrack | None:
         )
     if "Lat" in _MESSAGES[kind]:
         return _earthly(table, attitude)
-    return PoseTrack(_nanoseconds(table[:, 0]), table[:, 1:] * (1, 1, -1), attitude)
+    stamps = np.rint(NANO * table[:, 0]).astype(np.int64)
+    return PoseTrack(stamps, table[:, 1:] * (1, 1, -1), attitude)
 
 
 class _Finite(io.BufferedReader):
