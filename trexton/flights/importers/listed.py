@@ -22,7 +22,7 @@ from trexton.vision.calibration import read_calibration
 
 _LISTS = ("rgb.txt", "images.txt", "left_images.txt", "times.txt")
 _TRACKS = ("mocap0", "vicon0", "leica0", "state_groundtruth_estimate0")
-_NANOSECONDS = 1e16  # stamps from here on cannot be seconds
+_SINCE_1970 = {"ns": 1e16, "us": 1e13, "ms": 1e11}  # stamps from here on are in no larger unit
 _POSES = re.compile(r"(?i)(t|time|stamp|z|height|yaw|roll|pitch|q[wxyz])(_([mun]?s|m|deg|rad))?$")
 
 
@@ -115,7 +115,7 @@ class Tum:
 
 def _unit(table: TextTable) -> str:
     latest = np.abs(table.numbers("stamp", missing_allowed=False)).max()
-    return "ns" if latest >= _NANOSECONDS else "s"
+    return next((unit for unit, least in _SINCE_1970.items() if latest >= least), "s")
 
 
 def _list(source: Path, names: tuple[str, ...]) -> Path | None:
