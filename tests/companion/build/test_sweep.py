@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 
 import pandas as pd
@@ -22,10 +23,24 @@ def flight(tmp_path):
     return str(tmp_path / "room")
 
 
+@pytest.fixture
+def in_place(monkeypatch):
+    """Called, cells are run in this process, which is quick; other tests start processes."""
+
+    def here(do, *words):
+        return do(*words)
+
+    def callers(cluster, jobs):
+        assert cluster is None and jobs in (None, 1)
+        return nullcontext((1, here, lambda: None))
+
+    return lambda: monkeypatch.setattr("trexton.companion.build.sweep.callers", callers)
+
+
 SETTINGS = {"particles": ["5", "7"], "seed": [1, 2], "repeats": [1], "neighbors": [2]}
 
 
-def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
+def test_every_combination_is_run_once_and_then_reused(flight, tmp_path, in_place):
     plan = SweepPlan("mocap_training", SETTINGS, [FlightPair(flight)])
     swept = sweep(plan, tmp_path / "out", jobs=2)
     assert swept.counts == {"ran": 4, "reused": 0, "failed": 0}, swept.failed
@@ -34,6 +49,7 @@ def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
     assert sorted(zip(table.particles, table.seed, strict=True)) == [(5, 1), (5, 2), (7, 1), (7, 2)]
     assert table["filter.mean_cm.value"].nunique() == 4
     before = (tmp_path / "out" / "sweep.json").read_bytes()
+    in_place()
     half = SweepPlan("mocap_training", SETTINGS | {"particles": ["7"]}, [FlightPair(flight)])
     found = sweep(half, tmp_path / "again", jobs=1).rows
     assert found == [row for row in swept.rows if row["particles"] == 7], "two sweeps, one result"
@@ -46,7 +62,8 @@ def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
     assert sweep(plan, tmp_path / "out", jobs=1).counts == {"ran": 1, "reused": 1, "failed": 0}
 
 
-def test_the_table_holds_every_number_and_no_times(flight, tmp_path):
+def test_the_table_holds_every_number_and_no_times(flight, tmp_path, in_place):
+    in_place()
     plan = SweepPlan("timing", {"neighbors": [2], "passes": [1]}, [FlightPair(flight)])
     swept = sweep(plan, tmp_path / "out", jobs=1)
     assert swept.rows[0]["counts.test"] == 20 and swept.rows[0]["camera_hz"] > 0
@@ -105,7 +122,8 @@ def test_a_plan_with_other_things_in_it_is_refused(flight, tmp_path, capsys, lin
     assert message in capsys.readouterr().err and not out.exists()
 
 
-def test_a_cell_that_fails_costs_only_itself(flight, tmp_path, capsys):
+def test_a_cell_that_fails_costs_only_itself(flight, tmp_path, capsys, in_place):
+    in_place()
     plan = SweepPlan("texton_dictionary", {"textons": [6, 8]}, [FlightPair(flight)])
     with pytest.raises(ParameterError, match="texton_dictionary cannot run: small has no images"):
         sweep(plan, tmp_path / "out")

@@ -98,11 +98,10 @@ def test_a_first_number_is_of_the_same_size(floor, judged):
     assert judged["predicted_cm"] / 4 < first < 4 * judged["predicted_cm"]
 
 
-def test_equal_seeds_judge_equally(picture):
-    floor, flights = Floor.from_file(picture, 1.5), VirtualFlights(frames=25, test_frames=20)
-    first, second = (judge_floor(floor, flights=flights) for _ in range(2))
-    assert first["predicted_cm"] == second["predicted_cm"]
-    np.testing.assert_array_equal(first["heat"]["error_m"], second["heat"]["error_m"])
+def test_equal_seeds_judge_equally(picture, judged):
+    again = judge_floor(Floor.from_file(picture, 3.0), flights=SMALL)
+    assert judged["predicted_cm"] == again["predicted_cm"]
+    np.testing.assert_array_equal(judged["heat"]["error_m"], again["heat"]["error_m"])
 
 
 def test_names_of_painted_floors():
@@ -185,7 +184,7 @@ def test_floors_are_predicted_and_flown(picture):
 def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, capsys):
     grey = tmp_path / "grey.png"
     cv2.imwrite(str(grey), np.full((300, 300, 3), 128, np.uint8))
-    words = ["suitability", str(grey), str(picture), "--width", "2", "--frames", "30"]
+    words = ["suitability", str(grey), str(picture), "--width", "1", "--frames", "30"]
     assert main([*words, "--test-frames", "20", "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr()
     assert said.err.count("cm by first, coarse flights") == 2
