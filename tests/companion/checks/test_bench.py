@@ -5,6 +5,7 @@ asserted.
 from __future__ import annotations
 
 import json
+import time
 from functools import cache, partial
 
 import numpy as np
@@ -56,6 +57,17 @@ def test_contestants_take_turns_and_all_calls_count():
     assert turns == list("abababab")
     assert [len(each) for each in taken] == [calls.count(name) - 2 for name in "ab"]
     assert all((each >= 0).all() for each in taken)
+
+
+def test_what_takes_long_is_called_once_where_one_round_is_asked():
+    calls = []
+
+    def slow():
+        calls.append(time.sleep(0.02))
+
+    (taken,) = interleave(slow, seconds=1e-3, rounds=1)
+    assert len(calls) == len(taken) == 1 and taken[0] >= 0.02
+    assert len(interleave(slow, seconds=1e-3, rounds=2)[0]) == 2
 
 
 def test_rows_compare_medians_with_a_yardstick(monkeypatch):
@@ -140,6 +152,14 @@ def test_an_unknown_stage_is_a_clear_error():
         list(measure(["warp"]))
 
 
+def test_long_stages_are_measured_where_they_are_named(monkeypatch):
+    ran = []
+    for name in STAGES:
+        monkeypatch.setitem(STAGES, name, lambda scene, name=name: ran.append(name) or ())
+    assert not [*measure(quick=True), *measure(["answers"])]
+    assert ran == ["train", "histogram", "filter", "frame", "start", "answers"]
+
+
 def test_the_machine_is_described():
     assert machine()["processors"] >= 1 and machine()["processor"]
 
@@ -167,7 +187,7 @@ def test_homographies_are_of_the_floor_that_is_flown_over(contests):
 
 @pytest.mark.slow
 def test_every_stage_runs():
-    rows = list(measure(quick=True))
+    rows = list(measure(STAGES, quick=True))
     assert len({each["stage"] for each in rows}) == 17
     assert all(each["ours_s"] > 0 and each["yardstick_s"] > 0 for each in rows)
 

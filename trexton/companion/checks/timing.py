@@ -34,16 +34,18 @@ def interleave(
     """Seconds of each repeat, in turn, so that whatever else the machine does falls on all alike.
 
     Each is called twice to warm up, once where that takes long, then for about `seconds` in at
-    least so many `rounds`.
+    least so many `rounds`. Of a single round a call that takes long is all there is.
     """
     repeats, taken = [], [list[float]() for _ in calls]
-    for call in calls:
+    for call, own in zip(calls, taken, strict=True):
         for _ in range(2):
             start = time.perf_counter()
             call()
             if (once := time.perf_counter() - start) > _LONG * seconds:
                 break
-        repeats.append(int(np.clip(seconds / rounds / once, 1, 3000)))
+        if rounds == 1 and once > _LONG * seconds:
+            own.append(once)
+        repeats.append(0 if own else int(np.clip(seconds / rounds / once, 1, 3000)))
     for _ in range(rounds):
         for call, count, own in zip(calls, repeats, taken, strict=True):
             time.sleep(_PAUSE)

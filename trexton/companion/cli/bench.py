@@ -24,9 +24,9 @@ class BenchOptions(Options):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.companion.checks.bench import STAGES
+    from trexton.companion.checks.bench import LONG, STAGES
 
-    words = f"only these: {', '.join(STAGES)}"
+    words = f"only these: {', '.join(STAGES)}; {' and '.join(LONG)} are measured only where named"
     parser.add_argument("--stage", nargs="+", metavar="NAME", help=words)
     add_options(parser, BenchOptions)
 
