@@ -58,11 +58,8 @@ class Parameters(MapParameters):
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Change one open choice at a time and localize the test flight again.
 
-    Returns
-    -------
-    Record
-        ``values["variants"]``: for each variant its label, whether the flight code had it, and the
-        mean Euclidean error in cm with its interval; ``paper`` is the method as it stands.
+    ``values["variants"]`` holds the label of each, whether the flight code had it, and the mean
+    Euclidean error in cm with its interval; ``paper`` is the method as it stands.
     """
     texton_map, frames = map_of(train, parameters), frames_of(test)
     common: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
