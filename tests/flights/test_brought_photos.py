@@ -61,6 +61,9 @@ def test_heights_above_the_sea_are_no_heights(tmp_path):
         # Autel's pitch is that of a gimbal, in the names of Pix4D.
         ('Camera:Pitch="-80" Camera:Yaw="90" Camera:Roll="0" drone:RelativeAltitude="39.8"',
          (0, 10, -90)),
+        # What no number can be is not known.
+        (f'drone-dji:RelativeAltitude="39.8" drone-dji:GimbalPitchDegree="-1e30090.0" '
+         f'drone-dji:GimbalYawDegree="{"9" * 400}" Camera:Pitch="0" Camera:Yaw="0"', (0, 0, 0)),
         # Parrot's own documentation writes a fraction.
         ('Camera:AboveGroundAltitude="10433331/262144" Camera:Pitch="0" Camera:Yaw="0"', (0, 0, 0)),
         # Straight down, a roll turns the picture; turned over, the gimbal looks down as well.

@@ -109,9 +109,9 @@ def _degrees(parts: Any, side: Any, negative: str) -> float:
 
 
 def _values(xmp: bytes) -> dict[str, float]:
-    """The numbers in XMP by their names without the maker, as attributes or elements."""
+    """The numbers in XMP, of Parrot fractions, by their names without the maker."""
     text = xmp.decode("utf-8", "replace")
-    number = r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)(?:/(\d+))?"  # Parrot writes fractions
+    number = r"([-+]?\d{1,9}(?:[.,]\d+)?(?:[eE][-+]?\d\d?)?)(?![\d.eE])(?:/(\d+))?"
     found = re.findall(rf"([\w-]+):(\w+)(?:\s*=\s*[\"']|>)\s*{number}", text)
     return {
         f"Camera:{name}" if name in _PARTS else name:
