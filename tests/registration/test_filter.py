@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.flights.aiding import Aiding
@@ -13,7 +14,7 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map, with_parts
 from trexton.registration.filter import Registration
-from trexton.simulator import Effects, record_flight
+from trexton.simulator import Effects, Floor, Light, record_flight
 from trexton.vision.camera import Camera
 
 CAMERA = Camera(160, 120, 130.0)
@@ -63,6 +64,44 @@ def test_regions_hold_about_what_they_claim(fine, flights):
     ]
     assert 0.6 < np.mean(np.array(distances) < 4.605) <= 1
     assert 0.1 < np.mean(distances) / 2 < 3
+
+
+def nees_over(floor: Floor, seed: int, folder) -> list[float]:
+    """Of the last frame of each of six flights over a floor whose picture, camera and attitude are
+    as the method takes them.
+    """
+    common = {"camera": CAMERA, "effects": Effects().without("jpeg"), "floor": floor}
+    train = record_flight(folder / "train", frames=110, speed=1.0, every=3, seed=seed, **common)
+    texton_map = train_map(train, method="fine", n_textons=6, rng=np.random.default_rng(1))
+    nees = []
+    for number in range(6):
+        where, later = folder / str(number), 100 + 10 * seed + number
+        test = record_flight(
+            where, pattern="waypoints", frames=12, seed=later, light=Light(), **common
+        )
+        noise = np.random.default_rng(number).normal(0, Registration().attitude_sigma, (12, 3))
+        test = replace(test, attitude=test.attitude + noise)
+        last = flown(texton_map, test)[-1]
+        offset = last.position - test.position[-1]
+        assert not last.lost
+        nees.append(offset @ np.linalg.solve(last.covariance, offset))
+    return nees
+
+
+@pytest.mark.slow
+def test_nees_is_in_its_band_where_the_model_is_true(tmp_path):
+    """Floors are the units: flights over one share what was learned of it. What is claimed may be
+    half as wide again as the errors, and a twentieth narrower.
+    """
+    layouts = ("hall", "moved")
+    floors = [Floor.painted(layouts[number % 2], 400 + number) for number in range(8)]
+    nees = np.array(
+        [nees_over(floor, seed, tmp_path / str(seed)) for seed, floor in enumerate(floors, 1)]
+    ).mean(axis=1)
+    low, high = t.interval(0.99, len(nees) - 1, nees.mean(), nees.std(ddof=1) / np.sqrt(len(nees)))
+    least, most = 2 / 1.5**2, 2 * 1.05**2
+    assert low < most and least < high, nees
+    assert not 4 * low < most and not least < high / 4, nees  # deviations half, or twice as large
 
 
 def test_it_says_how_fast_the_vehicle_goes(fine, flights):

@@ -38,6 +38,7 @@ from trexton.localization.base import Area
 MAX_FRAMES = 800  # of which it takes place; longer flights are thinned
 FAMILIAR_SHARE = 0.95  # of left-out frames whose normalized residual is at most 1
 CELLS = 1200  # of the grid on which left-out frames are located
+OWN_CELLS = 10.0  # around its place in which a hypothesis takes a frame for its own
 
 
 def cross_validate(
@@ -79,13 +80,13 @@ def cross_validate(
     finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
     flown = np.repeat(places[::every], parts, axis=0)
     located = partial(_located, process, tiles, bases, centers, places, features, blocks, flown)
-    errors, variances, squared = located(row_blocks, counted)
-    model = ErrorModel.of(errors, time, finest)
+    errors, own, variances, squared = located(row_blocks, counted)
+    model = ErrorModel.of(own, time, finest)
     later = _prediction_distance(centers, places, rows, process.length, tiles, counted)
     wider = blocks_in_space(row_blocks, rows, np.repeat(time[::every], parts), later)
     revisit_inflation = 1.0
     if wider != row_blocks:
-        there, _, _ = located(wider, counted)
+        _, there, _, _ = located(wider, counted)
         ratio = ErrorModel.of(there, time, finest).correlated_sigma / model.correlated_sigma
         revisit_inflation = max(1.0, ratio**2)
     learned = {
@@ -133,16 +134,17 @@ def _located(
     flown: np.ndarray,
     left_out: Sequence[Block],
     counted: bool,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each frame, located alone without its block: ``(N, 2)`` errors in metres, ``(N,)`` the
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of each frame, located alone without its block: ``(N, 2)`` errors in metres, those that a
+    hypothesis sees, which where values are not `counted` takes only what is near, ``(N,)`` the
     field's variance at its place, and ``(N,)`` its squared residual a feature at the best cell.
 
     Of the process, whose rows are of frames that were `flown` there, those in `left_out` are left
     out, for each of the blocks of frames.
     """
-    errors, variances, residuals = np.empty_like(places), *np.empty((2, len(places)))
+    (errors, own), (variances, residuals) = np.empty((2, *places.shape)), np.empty((2, len(places)))
     density = rbf_kernel(centers, flown, process.length)
-    everywhere = density.sum(axis=1)
+    everywhere, reach = density.sum(axis=1), OWN_CELLS * (centers[1, 1] - centers[0, 1])
     footprints = [centers + offset for offset in tiles.offsets]
     predictions = process.predict_without(left_out, footprints)
     for block, (gone, parts) in zip(blocks, predictions, strict=True):
@@ -154,12 +156,13 @@ def _located(
         posterior = tables.log_likelihoods(features[rows]).sum(axis=0) + prior
         squared = tables.squared_residuals(features[rows], posterior.argmax(axis=1))
         residuals[rows] = better_half(squared)
-        posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
-        posterior /= posterior.sum(axis=1, keepdims=True)
-        errors[rows] = posterior @ centers - places[rows]
-        near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
-        variances[rows] = variance[near]
-    return errors, variances, residuals
+        apart = np.square(places[rows][:, None] - centers).sum(axis=2)
+        variances[rows] = variance[apart.argmin(axis=1)]
+        far = False if counted else apart > np.maximum(apart.min(axis=1, keepdims=True), reach**2)
+        for found, kept in ((errors, posterior), (own, np.where(far, -np.inf, posterior))):
+            shares = np.exp(kept - kept.max(axis=1, keepdims=True))
+            found[rows] = shares / shares.sum(axis=1, keepdims=True) @ centers - places[rows]
+    return errors, own, variances, residuals
 
 
 def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:

@@ -72,11 +72,7 @@ class TrackFilter:
     """`Tracks` in flight, over an area in metres."""
 
     def __init__(
-        self,
-        motion: LinearMotion,
-        measurement: Field,
-        area: Area,
-        options: Tracks | None = None,
+        self, motion: LinearMotion, measurement: Field, area: Area, options: Tracks | None = None
     ):
         self.measurement, self.area, self.options = measurement, area, options or Tracks()
         errors, cell = measurement.error_model, measurement.cell

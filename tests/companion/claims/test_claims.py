@@ -263,6 +263,8 @@ def test_a_verdict_that_turns_when_parts_are_exchanged_says_so():
     assert finding.reason == "with training and test exchanged: not reproduced (90 [80, 99])"
     both = records(q=interval(50, 40, 61), exchanged={"q": interval(52, 40, 63)})
     assert not judge(claim("value", printed=60), both).reason
+    other = records(q=interval(50, 40, 61), exchanged={"else": interval(90, 80, 99)})
+    assert judge(claim("value", printed=60), other).reason == "judged one way only"
 
 
 def test_too_few_groups_of_trials_test_nothing():

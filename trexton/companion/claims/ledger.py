@@ -174,21 +174,28 @@ def _quantity(claim: Claim, reference: str, records: Records) -> Quantity | None
 def judge(claim: Claim, records: Records, flight: str = "") -> Finding:
     """The verdict of one flight's records on one claim.
 
-    Where training and test were exchanged as well, and that gives another verdict, it says so.
+    Of a flight whose parts were exchanged it says so where the verdict turns, and where what the
+    claim reads was judged one way only.
     """
     finding = _judge(claim, records, flight)
-    names = {reference.partition(":")[0] for reference in claim.references}
-    other = {
-        name: replace(record, values=record.values | exchanged)
+    exchanged = {
+        name: known
         for name, record in records.items()
-        if name in names and isinstance(exchanged := record.values.get("exchanged"), dict)
+        if isinstance(known := record.values.get("exchanged"), dict)
     }
-    if not other or finding.verdict in (rules.UNTESTABLE, rules.CONSTRUCTED):
+    if not exchanged or finding.verdict in (rules.UNTESTABLE, rules.CONSTRUCTED):
         return finding
-    turned = _judge(claim, records | other, flight)
-    if turned.verdict == finding.verdict:
-        return finding
-    said = f"with training and test exchanged: {turned.verdict} ({turned.ours})"
+    said = "judged one way only"
+    read = [reference.partition(":") for reference in claim.references]
+    if all(path.partition(".")[0] in exchanged.get(name, {}) for name, _, path in read):
+        other = {
+            name: replace(records[name], values=records[name].values | known)
+            for name, known in exchanged.items()
+        }
+        turned = _judge(claim, records | other, flight)
+        if turned.verdict == finding.verdict:
+            return finding
+        said = f"with training and test exchanged: {turned.verdict} ({turned.ours})"
     return replace(finding, reason="; ".join(filter(None, [finding.reason, said])))
 
 

@@ -45,12 +45,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         train,
         test,
         values=values,
-        series={
-            "mosaic_m": position,
-            "truth_m": test.position,
-            "area_m": test.area,
-            "map": extent,
-        },
+        series={"mosaic_m": position, "truth_m": test.position, "area_m": test.area, "map": extent},
         images={"map": drawn},
     )
 

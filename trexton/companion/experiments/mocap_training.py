@@ -27,11 +27,7 @@ from trexton.companion.experiments.evaluation import (
     shuffled_neighbors,
     whereabouts,
 )
-from trexton.companion.experiments.metrics import (
-    absolute_errors,
-    mean_with_interval,
-    summarize,
-)
+from trexton.companion.experiments.metrics import absolute_errors, mean_with_interval, summarize
 from trexton.companion.experiments.style import COLORS, joined_plan
 from trexton.companion.experiments.track import Track, tracks
 from trexton.companion.wording import beside, distance, middle, number, percent
@@ -72,14 +68,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         },
     }
     if train.name == test.name:  # parts of one flight: trained on the later, tested on the earlier
-        _, _, exchanged, _ = train_and_fly(test, train, parameters)
-        values["exchanged"] = {name: exchanged[name] for name in ("filter", "knn")}
+        _, turned, exchanged, _ = train_and_fly(test, train, parameters)
+        values["exchanged"] = {name: exchanged[name] for name in ("filter", "knn")} | {
+            "drift_cm_per_min": drift(turned, train, rng=stream(parameters.seed, "drift")),
+            "spread": _spread(turned, train, stream(parameters.seed, "spread")),
+        }
     return parameters.record(
-        train,
-        test,
-        values=values,
-        series=series | whereabouts(train) | floor,
-        images=pictures,
+        train, test, values=values, series=series | whereabouts(train) | floor, images=pictures
     )
 
 

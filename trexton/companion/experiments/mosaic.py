@@ -56,12 +56,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     }
     series = {"map": extent, "area_m": train.area, "frames_m": train.position}
     series["anchors_m"] = train.position[mosaic.anchors]
-    return parameters.record(
-        train,
-        values=values,
-        series=series,
-        images={"map": picture},
-    )
+    return parameters.record(train, values=values, series=series, images={"map": picture})
 
 
 def _spread(values: np.ndarray) -> dict[str, Any]:

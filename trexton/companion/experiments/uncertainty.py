@@ -201,13 +201,8 @@ def truth_in_the_region(record: Record) -> Figure:
     order = [name for name in METHODS if "ekf2" in record.values[name]]
     with canvas(1, len(RECEIVERS), size=(7.2, 3.2), sharey=True) as (figure, axes):
         for plot, (receiver, settings) in zip(axes[0], RECEIVERS.items(), strict=True):
-            plot.axhspan(
-                *(100 * share for share in BAND),
-                color=COLORS["zone"],
-                alpha=0.2,
-                linewidth=0,
-                zorder=0,
-            )
+            low, high = (100 * share for share in BAND)
+            plot.axhspan(low, high, color=COLORS["zone"], alpha=0.2, linewidth=0, zorder=0)
             for place, name in enumerate(order):
                 for offset, sent in zip((-0.15, 0.15), SENT, strict=True):
                     share = record.values[name][receiver][sent]["inside"]
