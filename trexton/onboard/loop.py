@@ -27,7 +27,7 @@ MAX_FRAME_AGE = 60.0  # seconds: an older stamp is of another clock, a younger o
 MIN_STAMP_STEP = 1e-3  # seconds
 MAX_CATCH_UP = 25  # predictions for missed frames; more would only spread the particles further
 CAUSES = {  # of what the frames may contradict
-    "velocity": "heading, compass, height, and the odometry's camera",
+    "velocity": "heading, compass, height, attitude, and the odometry's camera",
     "attitude": "the camera's mount, the autopilot's level, signs and order",
 }
 # Share of the period after which the next frame is looked for: cameras are not exact.
