@@ -14,7 +14,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench full lab lock crate sbom audit clean rooms
+.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench full lab lock crate sbom audit clean rooms frontier
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -94,12 +94,15 @@ full: env  ## the long sweep of data/sweeps, fine, landings, aiding and survey d
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only density \
 	  --out results/full --set floors=10
 	cp results/full/sim-survey/density.json data/reference/density.json
-	$(MAKE) rooms
+	$(MAKE) rooms frontier
 
 rooms: env  ## every method in rooms that change, ten floors for a minute each, result to data/reference
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only rooms \
 	  --out results/full --set floors=10 survey=800 frames=750
 	cp results/full/sim-survey/rooms.json data/reference/rooms.json
+
+frontier: env  ## error against CPU time of every method and peer, ten floors (8 CPU minutes), result to data/reference
+	$(ALONE) $(BIN)/python tests/frontier.py
 
 lab: env  ## open the notebooks in JupyterLab
 	@$(BIN)/jupyter lab notebooks

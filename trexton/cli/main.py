@@ -63,7 +63,7 @@ def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argpar
         assert name is not None
         said = help_line(addresses("commands", COMMANDS).get(name, name)).replace("%", "%%")
         command = commands.add_parser(
-            name, help=said.rstrip("."), description=said[:1].upper() + said[1:]
+            name, help=said.partition(". ")[0].rstrip("."), description=said[:1].upper() + said[1:]
         )
         command.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
         _add_plugin(command)

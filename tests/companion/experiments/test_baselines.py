@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from small_room import histogram_flight
 
+from trexton.companion.build import notebook
 from trexton.companion.experiments import baselines
 from trexton.companion.experiments.baselines import (
     _forest,
@@ -11,6 +12,7 @@ from trexton.companion.experiments.baselines import (
     _neighbors,
     _smoothed,
 )
+from trexton.companion.experiments.style import canvas, name_points
 
 
 @pytest.mark.parametrize(
@@ -47,3 +49,28 @@ def test_the_verdict_names_the_better_and_both_directions():
     )
     assert "With training and test exchanged" in said
     assert len(baselines.table(record)) == len(baselines.LABELS)
+    (plot,) = baselines.frontier(record).axes
+    *points, edge = plot.lines
+    assert {text.get_text() for text in plot.texts} == set(baselines.LABELS.values())
+    points = np.concatenate([line.get_xydata() for line in points])
+    assert len(points) == len(baselines.LABELS)
+    for cost, error in edge.get_xydata()[1:]:
+        assert not ((points[:, 0] < cost) & (points[:, 1] <= error)).any()
+
+
+def test_a_name_hides_no_other_where_there_is_room():
+    with canvas(size=(7.2, 3.6)) as (figure, axes):
+        plot = axes[0, 0]
+        plot.set(xscale="log", yscale="log", xlim=(0.1, 10), ylim=(1, 100))
+        name_points(plot, {"one of them": (1.0, 10.0), "the other": (1.2, 10.5)})
+        figure.draw_without_rendering()
+        one, other = (text.get_window_extent() for text in plot.texts)
+    assert not one.overlaps(other)
+
+
+def test_the_kept_peers_can_be_drawn():
+    kept = notebook.reference("frontier")
+    labels = kept.values["labels"]
+    assert kept.values["floors"] == 10 and set(kept.timings["step_ms"]) == set(labels)
+    (plot,) = baselines.frontier(kept, labels).axes
+    assert {text.get_text() for text in plot.texts} == set(labels.values())

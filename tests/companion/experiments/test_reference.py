@@ -13,7 +13,7 @@ from conftest import ROOT, small_flight
 
 from trexton.base.records import Record
 from trexton.companion.build import notebook
-from trexton.companion.experiments import suitability
+from trexton.companion.experiments import baselines, suitability
 
 PAGES = {
     path.stem: path.read_text(encoding="utf-8")
@@ -24,6 +24,11 @@ PAGES = {
 
 def kept_record(name: str, given: notebook.Given) -> Record:
     """In place of the page's own run: nothing is flown here."""
+    if name == "baselines":
+        flight, parameters = small_flight(), baselines.Parameters(repeats=1, trees=2)
+        values, step_ms = baselines.compare(flight, flight, parameters)
+        values["exchanged"] = None
+        return parameters.record(flight, values=values, timings={"step_ms": step_ms})
     if name != "suitability":
         record = notebook.reference(name)
         assert record is not None

@@ -203,15 +203,6 @@ def test_figures_show_the_record(record, without_images, tmp_path):
     tree = [row["tree"]["frequency_hz"]["median"] for row in record.timings["stored"]]
     np.testing.assert_allclose(plot.lines[1].get_ydata(), tree)
     assert len(trade_off.error_and_rate(without_images).axes) == 2
-    for shown, names in ((loaded, ("samples", "particles")), (without_images, ("particles",))):
-        (plot,) = trade_off.frontier(shown).axes
-        *swept, edge = plot.lines
-        for line, name in zip(swept, names, strict=True):
-            cost = [row["frame_ms"]["median"] for row in shown.timings[name]]
-            np.testing.assert_allclose(line.get_xdata(), cost)
-        points = np.concatenate([line.get_xydata() for line in swept])
-        for cost, error in edge.get_xydata():
-            assert not ((points[:, 0] < cost) & (points[:, 1] <= error)).any()
     assert not without_images.series.get("samples")
 
 

@@ -28,7 +28,7 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.metrics import euclidean, mean_with_interval
-from trexton.companion.experiments.style import COLORS, canvas, plain_log_ticks
+from trexton.companion.experiments.style import COLORS, canvas, name_points, plain_log_ticks
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import lengths, middle, percent
 from trexton.field.features import is_counted
@@ -261,7 +261,7 @@ def table(record: Record) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def frontier(record: Record) -> Figure:
+def frontier(record: Record, labels: Mapping[str, str] = LABELS) -> Figure:
     """Mean error over the CPU time of a frame; the line joins those that none beats in both."""
     points = {
         name: (step_ms, middle(record.values[name]["mean_cm"]))
@@ -269,23 +269,19 @@ def frontier(record: Record) -> Figure:
     }
     with canvas(size=(7.2, 3.6)) as (figure, axes):
         plot = axes[0, 0]
+        plot.set(
+            xscale="log", yscale="log",
+            xlabel="CPU time of a frame (ms)", ylabel="mean error (cm)",
+        )  # fmt: skip
         edge: list[tuple[float, float]] = []
         for name, (cost, error) in sorted(points.items(), key=lambda each: each[1]):
-            own = COLORS["paper" if name == "more" else name if name in COLORS else "zone"]
-            plot.plot(cost, error, "o", color=own)
-            last = cost == max(points.values())[0]  # its name would leave the figure
-            plot.annotate(
-                LABELS[name], (cost, error), xytext=(-5 if last else 5, 5), fontsize=8,
-                textcoords="offset points", ha="right" if last else "left",
-            )  # fmt: skip
+            family = "paper" if name == "more" else name.partition("_")[0]
+            plot.plot(cost, error, "o", color=COLORS.get(family, COLORS["zone"]))
             if not edge or error < edge[-1][1]:
                 edge.append((cost, error))
         plot.step(*np.transpose(edge), where="post", color=COLORS["zone"], linewidth=0.8, zorder=0)
-        plot.set(
-            xscale="log", yscale="log",
-            xlabel="CPU time a frame, once its features are counted (ms)", ylabel="mean error (cm)",
-        )  # fmt: skip
-        plot.margins(x=0.25, y=0.15)
+        plot.margins(x=0.12, y=0.18)
+        name_points(plot, {labels[name]: place for name, place in points.items()})
         plain_log_ticks(plot.xaxis, plot.yaxis)
     return figure
 

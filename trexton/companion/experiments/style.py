@@ -5,6 +5,7 @@ Offers the canvas, floor plans, marks with intervals, heat maps and legends.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, cast
@@ -142,6 +143,28 @@ def band(axes: Axes, x: Any, low: Any, middle: Any, high: Any, *, color: str, **
     """A line, and the interval around it as an area."""
     axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)
     axes.plot(x, middle, color=color, **line)
+
+
+def name_points(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
+    """A name beside each point of two logarithmic axes, where it hides no other; on phones too."""
+    ends, size = np.log([axes.get_xlim(), axes.get_ylim()]), np.array([235, 190])  # a phone's, pt
+    at = {k: (np.log(p) - ends[:, 0]) / np.ptp(ends, axis=1) * size for k, p in points.items()}
+    taken = [np.array([place - 4, place + 4]) for place in at.values()]
+    for name, place in at.items():
+        wide = np.array([4.6 * len(name), 9])
+        found: list[tuple[Any, ...]] = []
+        for up, right in itertools.product((4, -12, 14, -22, 24), (1, -1)):
+            low = place + (5 if right > 0 else -5 - wide[0], up)
+            box = np.array([low, low + wide])
+            hidden = sum((np.minimum(box[1], b[1]) > np.maximum(box[0], b[0])).all() for b in taken)
+            outside = np.maximum(0, [-low, box[1] - size]).sum()
+            found.append((hidden + outside, len(found), right, up, box))
+        _, _, right, up, box = min(found, key=lambda each: each[:2])
+        taken.append(box)
+        axes.annotate(
+            name, points[name], (5 * right, up), textcoords="offset points", fontsize=8,
+            ha="left" if right > 0 else "right",
+        )  # fmt: skip
 
 
 def length_unit(metres: float) -> tuple[str, float]:

@@ -187,37 +187,6 @@ def error_and_rate(record: Record) -> Figure:
     return figure
 
 
-def frontier(record: Record) -> Figure:
-    """Error over the time of a frame; the line joins the settings that none beats in both."""
-    points: list[tuple[float, float]] = []
-    with canvas(size=(6.4, 4.0)) as (figure, axes):
-        plot = axes[0, 0]
-        for name, color in zip(_AXIS, SERIES, strict=False):
-            rows, clocks = record.series.get(name, []), record.timings.get(name, [])
-            error = np.mean([_spans(rows, f"error_cm_{axis}")[1] for axis in "xy"], axis=0)
-            own = list(zip(_spans(clocks, "frame_ms")[1], error, strict=True))
-            if own:
-                plot.plot(*zip(*own, strict=True), "o", color=color, label=_AXIS[name])
-                for row, place in ((rows[0], own[0]), (rows[-1], own[-1])):
-                    plot.annotate(
-                        _name(row[name]), place, xytext=(5, 5), textcoords="offset points"
-                    )
-            points += own
-        edge: list[tuple[float, float]] = []
-        for cost, error in sorted(points):
-            if not edge or error < edge[-1][1]:
-                edge.append((cost, error))
-        plot.step(*np.transpose(edge), where="post", color=COLORS["zone"], linewidth=0.8, zorder=0)
-        plot.margins(0.12)
-        plot.set(
-            xscale="log", ylim=(0, None),
-            xlabel="time of a frame (ms)", ylabel="mean error of an axis (cm)",
-        )  # fmt: skip
-        plain_log_ticks(plot.xaxis)
-        plot.legend()
-    return figure
-
-
 def stored(record: Record) -> Figure:
     """Rate of the loop against the number of stored histograms, searched in turn or by a tree."""
     clocks = record.timings["stored"]
