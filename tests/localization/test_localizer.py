@@ -146,7 +146,9 @@ def test_damaged_and_newer_maps_are_one_clear_error(texton_map, tmp_path):
 def test_an_interrupted_save_leaves_the_old_map(texton_map, tmp_path, monkeypatch):
     path = save_map(texton_map, tmp_path / "map.npz")
     before = path.read_bytes()
-    monkeypatch.setattr(np, "savez_compressed", lambda stream, **arrays: (stream.write(b"half"), 1 / 0))
+    monkeypatch.setattr(
+        np, "savez_compressed", lambda stream, **arrays: (stream.write(b"half"), 1 / 0)
+    )
     with pytest.raises(ZeroDivisionError):
         save_map(texton_map, path)
     assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
