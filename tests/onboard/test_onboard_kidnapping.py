@@ -111,10 +111,11 @@ def test_equal_seeds_give_equal_values(flights):
 
 def test_trials_are_what_the_localizer_gives(flights):
     """One trial against a plain loop over the same frames."""
-    from trexton.companion.experiments.evaluation import trained_map
+    from trexton.companion.experiments.declaration import MapParameters
+    from trexton.companion.experiments.evaluation import map_of
     from trexton.localization.localizer import Localizer
 
-    texton_map = trained_map(flights[0], seed=3)
+    texton_map = map_of(flights[0], MapParameters(3))
     rows = np.array([*range(30, 60), *range(150, 180)])
     given = (flights[1].histograms, flights[1].position, {"recovery": "none", "particles": 50})
     found = kidnapping._trial(texton_map, *given, None, 3, (0, rows))

@@ -94,25 +94,6 @@ def apart(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
     return bool(a["high"] < b["low"] or b["high"] < a["low"])
 
 
-class Tree(dict[str, Any]):
-    """Nested values of a record; a name is always an entry, even where dict has a method of that
-    name.
-    """
-
-    def __init__(self, values: Mapping[str, Any]):
-        super().__init__(
-            {
-                key: Tree(value) if isinstance(value, Mapping) else value
-                for key, value in values.items()
-            }
-        )
-
-    def __getattribute__(self, name: str) -> Any:
-        if not name.startswith("_") and name in self:
-            return self[name]
-        return super().__getattribute__(name)
-
-
 def fixed(value: float | None, digits: int = 0) -> str:
     """A number with so many decimals and thousands apart."""
     return UNKNOWN if value is None else f"{value:,.{digits}f}"
@@ -152,6 +133,8 @@ def template_environment() -> Environment:
         comment_end_string="##}",
         autoescape=False,
     )
+    # A name is an entry, also where dict has a method of that name.
+    environment.getattr = environment.getitem  # type: ignore[method-assign, assignment]
     environment.filters |= {
         "fixed": fixed, "span": span, "text": text, "number": number, "percent": percent,
         "interval": interval,

@@ -23,7 +23,6 @@ from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.prose import context, public_names, render
 from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.companion.wording import Tree
 from trexton.flights import read_flight, write_flight
 from trexton.localization.landing import TouchdownZone
 
@@ -50,9 +49,8 @@ def page(tmp_path):
 
 
 def test_numbers_are_filled_in_from_records(page):
-    sim = Tree(
-        {"mocap_training": {"error": {"value": 61.34, "low": 50.0, "high": 1234.5}, "items": 3}}
-    )
+    error = {"value": 61.34, "low": 50.0, "high": 1234.5}
+    sim = {"mocap_training": {"error": error, "items": 3}}
     assert page("{{ sim.mocap_training.error.value | fixed(1) }} cm", sim=sim) == "61.3 cm"
     assert page("{{ sim.mocap_training.error | span }}", sim=sim) == "61 [50, 1,234]"
     assert (
@@ -74,7 +72,7 @@ def test_numbers_are_filled_in_from_records(page):
 )
 def test_a_name_that_no_record_has_stops_the_build(page, text, message):
     with pytest.raises(DataError, match=message):
-        page(text, sim=Tree({"mocap_training": {"error": 1}}))
+        page(text, sim={"mocap_training": {"error": 1}})
 
 
 def test_links_lead_to_pages_and_to_experiments_on_them_or_are_plain_text(results):

@@ -5,7 +5,8 @@ import pytest
 from small_room import histogram_flight
 
 from trexton.base.streams import stream
-from trexton.companion.experiments.evaluation import trained_map
+from trexton.companion.experiments.declaration import MapParameters
+from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.metrics import euclidean
 from trexton.companion.experiments.track import fly, tracks
 from trexton.localization.localizer import Localizer
@@ -16,7 +17,7 @@ from trexton.localization.training import for_method
 def flown():
     train = histogram_flight("hall", frames=130, turns=5.0)
     test = histogram_flight("again", frames=60, turns=5.0, noise=5)
-    return trained_map(train, neighbors=3), test
+    return map_of(train, MapParameters(neighbors=3)), test
 
 
 @pytest.mark.parametrize("counted", [None, 400])

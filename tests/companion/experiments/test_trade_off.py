@@ -11,7 +11,8 @@ from trexton.base.files import canonical_json
 from trexton.base.records import Record
 from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import sweeps, trade_off
-from trexton.companion.experiments.evaluation import frames_of, trained_map
+from trexton.companion.experiments.declaration import MapParameters
+from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.companion.experiments.metrics import absolute_errors
 from trexton.companion.experiments.rates import frequency, milliseconds
 from trexton.companion.experiments.track import tracks
@@ -68,7 +69,7 @@ def test_sweeps_hold_all_values_in_order(record):
 
 def test_errors_are_those_of_direct_runs(record, pair):
     train, test = pair
-    texton_map = trained_map(train, textons=6, neighbors=4)
+    texton_map = map_of(train, MapParameters(textons=6, neighbors=4))
     runs = tracks(texton_map, frames_of(test), repeats=3, seed=1, samples=80, particles=20)
     direct = [100 * absolute_errors(run.position, test.position)[:, 0].mean() for run in runs]
     row = record.series["samples"][2]
@@ -77,7 +78,7 @@ def test_errors_are_those_of_direct_runs(record, pair):
 
 def test_full_sampling_is_the_localizer_with_all_patches(record, pair):
     train, test = pair
-    texton_map = trained_map(train, textons=6, neighbors=4)
+    texton_map = map_of(train, MapParameters(textons=6, neighbors=4))
     runs = tracks(texton_map, frames_of(test), repeats=3, seed=1, samples=None, particles=20)
     direct = [100 * absolute_errors(run.position, test.position)[:, 0].mean() for run in runs]
     assert record.values["full_sampling_error_cm"]["value"] == pytest.approx(np.median(direct))

@@ -30,7 +30,6 @@ from trexton.companion.player.playback import PlayedFlight, player_html
 from trexton.companion.provenance import kept_results, made_by
 from trexton.companion.wording import (
     METRES_FROM,
-    Tree,
     as_html,
     distance,
     flight_title,
@@ -102,7 +101,7 @@ class Page:
         """
         names = {"timings": self.record.timings, "parameters": self.record.parameters}
         template = template_environment().from_string(text.strip())
-        return Markdown(template.render(Tree(self.record.values | names | more)))
+        return Markdown(template.render(self.record.values | names | more))
 
     def claims(self) -> HTML:
         """What is claimed of this experiment, and the verdicts of this flight."""

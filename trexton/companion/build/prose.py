@@ -29,7 +29,7 @@ from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import kept_results
-from trexton.companion.wording import Tree, flight_title, template_environment
+from trexton.companion.wording import flight_title, template_environment
 from trexton.flights.importers import IMPORTERS, importer
 from trexton.localization.landing import TouchdownZone
 from trexton.localization.training_set import EXCLUDED_SECONDS
@@ -44,7 +44,7 @@ _TABLE = re.compile(r"(?<=prose -->\n).*?(?=<!-- end of results -->)", re.DOTALL
 _FINDINGS = ("mocap_training", "triggered_landing", "beyond", "fine", "uncertainty")
 
 
-def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tree]:
+def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, dict[str, Any]]:
     """``{flight: {experiment: values}}`` of the outcomes that left a record, ``timings`` too."""
     values_by_flight: dict[str, dict[str, Any]] = {}
     for outcome in outcomes:
@@ -53,7 +53,7 @@ def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tre
             record = Record.load(path)
             values = record.values | {"parameters": record.parameters, "timings": record.timings}
             values_by_flight.setdefault(outcome.flight, {})[outcome.experiment] = values
-    return {flight: Tree(experiments) for flight, experiments in values_by_flight.items()}
+    return values_by_flight
 
 
 def context(results: Path, values: Values, see: See) -> dict[str, Any]:
@@ -84,7 +84,7 @@ def context(results: Path, values: Values, see: See) -> dict[str, Any]:
         "findings": findings(results, values),
         "door": partial(door, values),
         "kept": kept_records(),
-        "paper": Tree(published()),
+        "paper": published(),
         "paper_map": paper_map,
         "version": version("trexton"),
         "excluded_s": EXCLUDED_SECONDS,
@@ -135,20 +135,20 @@ def renewed_readme(text: str, results: Path) -> str:
     not there, once each.
     """
     records = load_records(results).get("cyberzoo", {})
-    cyberzoo = Tree({name: record.values for name, record in records.items()})
+    cyberzoo = {name: record.values for name, record in records.items()}
     if len(_TABLE.findall(text)) != 1:
         raise DataError("README.md: the marks around its results are gone: put them back")
     return _TABLE.sub(lambda _: door({"cyberzoo": cyberzoo}), text)
 
 
-def kept_records() -> Tree:
+def kept_records() -> dict[str, Any]:
     """``{experiment: values}`` of the long runs kept with the code, ``timings`` too."""
     kept = [path for path in kept_results() if not path.stem.startswith("sweep-")]
     records = {path.stem: Record.load(path) for path in kept}
     values = {name: each.values | {"timings": each.timings} for name, each in records.items()}
     if "fine" in records:
         values["fine"]["over_floors_cm"] = over_floors(records["fine"], "free", "mean_cm")
-    return Tree(values)
+    return values
 
 
 def public_names() -> list[tuple[str, str]]:

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from trexton.base.cache import cached
-from trexton.base.defaults import NEIGHBORS, TEXTONS
 from trexton.base.progress import progress
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import MapParameters
@@ -33,32 +32,20 @@ RUNS = {"paper": 20, "field": 1}  # one where no more is drawn than the patches
 MOST_LAG_FRAMES = 60
 
 
-def trained_map(
-    train: Flight,
-    *,
-    textons: int = TEXTONS,
-    neighbors: int = NEIGHBORS,
-    seed: int = 1,
-    positions: np.ndarray | None = None,
+def map_of(
+    train: Flight, parameters: MapParameters, positions: np.ndarray | None = None
 ) -> TextonMap:
     """The texton map of `train`, from the cache if the same inputs were used before."""
-    options: dict[str, Any] = {"n_textons": textons, "neighbors": neighbors}
-    inputs = {"flight": train.data_hash, "seed": seed, **options}
+    options: dict[str, Any] = {"n_textons": parameters.textons, "neighbors": parameters.neighbors}
+    inputs = {"flight": train.data_hash, "seed": parameters.seed, **options}
     if positions is not None:
         inputs["positions"] = [[float(value).hex() for value in row] for row in positions]
 
     def compute() -> Any:
-        rng = stream(seed, "training")
+        rng = stream(parameters.seed, "training")
         return to_arrays(train_map(train, rng=rng, positions=positions, **options))
 
     return from_arrays(cached("map", "trexton.localization.localizer", inputs, compute))
-
-
-def map_of(
-    train: Flight, parameters: MapParameters, positions: np.ndarray | None = None
-) -> TextonMap:
-    """`trained_map` with an experiment's parameters."""
-    return trained_map(train, positions=positions, **parameters.of_the_map())
 
 
 def flown(

@@ -13,8 +13,14 @@ from matplotlib.figure import Figure
 from trexton.base.defaults import TEXTONS
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
-from trexton.companion.experiments.evaluation import trained_map
+from trexton.companion.experiments.declaration import (
+    IMAGES,
+    Experiment,
+    MapParameters,
+    SeedParameters,
+    option,
+)
+from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.style import bare, canvas
 from trexton.companion.wording import number
 from trexton.flights.flight import Flight
@@ -40,8 +46,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     per_image = parameters.patches_per_image
     patches = draw_patches(islice(train.images(), parameters.images), 6, per_image, rng)
     dictionary = TextonDictionary.learn(patches, parameters.textons, rng=rng)
-    texton_map = trained_map(train, textons=parameters.textons, seed=parameters.seed)
-    frequency = texton_map.histograms.mean(axis=0)
+    trained = MapParameters(parameters.seed, textons=parameters.textons)
+    frequency = map_of(train, trained).histograms.mean(axis=0)
     return parameters.record(
         train, test,
         values={

@@ -22,8 +22,8 @@ from trexton.base.files import scratch_folder
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
-from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
-from trexton.companion.experiments.evaluation import trained_map
+from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
+from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.floors import FloorParameters, painted_floor
 from trexton.companion.experiments.landings import (
     ATTITUDE,
@@ -144,7 +144,7 @@ def _maps(train: Flight, parameters: Parameters) -> dict[str, TextonMap]:
     """
     rng = stream(parameters.seed, "training")
     agility: dict[str, Any] = {"motion.agility": 1.0}
-    paper = trained_map(train, seed=parameters.seed)
+    paper = map_of(train, MapParameters(parameters.seed))
     field = train_map(
         train, method="field", n_textons=parameters.textons, cells=CELLS, rng=rng, **agility
     )
