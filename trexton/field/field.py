@@ -294,8 +294,7 @@ class FrameEvidence:
         by_tile, _, _ = self._likelihoods(frame, states, np.zeros(len(self._field.offsets)))
         by_tile = by_tile - penalties[:, None]
         place = (by_tile.max(axis=1).sum(axis=0) + self._prior).argmax()
-        best: np.ndarray = by_tile[..., place].argmax(axis=1)
-        return best
+        return by_tile[..., place].argmax(axis=1)
 
     def _likelihoods(
         self, frame: np.ndarray, states: np.ndarray, levels: np.ndarray

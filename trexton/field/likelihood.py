@@ -71,8 +71,7 @@ class Table:
     def squared_residual(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """``(N,)`` squared deviations a feature of features ``(N, d)``, each at its cell."""
         products = np.einsum("nd,nd->n", self._both(features), self.weights[cells])
-        result: np.ndarray = np.maximum(products + self.constant[cells], 0) / features.shape[-1]
-        return result
+        return np.maximum(products + self.constant[cells], 0) / features.shape[-1]
 
     def _both(self, features: np.ndarray) -> np.ndarray:
         """Squares of features in the basis, and they, side by side, in single precision."""
@@ -117,8 +116,7 @@ class TileTables:
 
 def better_half(residuals: np.ndarray) -> np.ndarray:
     """Mean over the better half of the tiles, which come first in ``(C, ...)`` residuals."""
-    result: np.ndarray = np.sort(residuals, axis=0)[: len(residuals) // 2 + 1].mean(axis=0)
-    return result
+    return np.sort(residuals, axis=0)[: len(residuals) // 2 + 1].mean(axis=0)
 
 
 def rbf_kernel(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray:

@@ -164,8 +164,7 @@ class Flight:
     @property
     def located(self) -> np.ndarray:
         """``(N,) bool``: the frames with a position."""
-        rows: np.ndarray = np.isfinite(self.position).all(axis=1)
-        return rows
+        return np.isfinite(self.position).all(axis=1)
 
     @property
     def has_positions(self) -> bool:

@@ -118,8 +118,7 @@ def _transition(places: np.ndarray, reach: float) -> np.ndarray:
 def _updated(belief: np.ndarray, log_likelihood: np.ndarray) -> np.ndarray:
     """The belief ``(N, ...)`` after a measurement, summing to one over the states."""
     belief = belief * np.exp(log_likelihood - log_likelihood.max(axis=0)) + TINY
-    result: np.ndarray = belief / belief.sum(axis=0)
-    return result
+    return belief / belief.sum(axis=0)
 
 
 class ForwardFilter:

@@ -186,8 +186,7 @@ def _summed(
     if least is not None:
         np.maximum(pairs, least, out=pairs)
     np.exp(pairs, out=pairs)
-    sums: np.ndarray = pairs.dot(weights)
-    return sums
+    return pairs.dot(weights)
 
 
 def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:

@@ -77,5 +77,4 @@ def contradicted(texton_map: TextonMap, histograms: np.ndarray, places: np.ndarr
     distance = np.hypot(*(positions[:, None] - places).transpose(2, 0, 1))
     nearest, rows = distance.argmin(axis=1), np.arange(len(positions))
     differs = np.linalg.norm(own - later[nearest], axis=1)
-    result: np.ndarray = (distance[rows, nearest] <= reach) & (differs > usual)
-    return result
+    return (distance[rows, nearest] <= reach) & (differs > usual)

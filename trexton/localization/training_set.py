@@ -79,5 +79,4 @@ class Training:
         if self.dictionary is None:
             return self.histograms
         shares = self.histograms / self.histograms.sum(axis=1, keepdims=True)
-        drawn: np.ndarray = self.rng.multinomial(samples, shares) / samples
-        return drawn
+        return self.rng.multinomial(samples, shares) / samples

@@ -213,8 +213,7 @@ class LocalFrame:
 
     def ned_covariance(self, covariance: np.ndarray) -> np.ndarray:
         """``(2, 2)`` covariance of north and east from that of map x and y."""
-        turned: np.ndarray = self.ned_from_map @ covariance @ self.ned_from_map.T
-        return turned
+        return self.ned_from_map @ covariance @ self.ned_from_map.T
 
     def yaw(self, heading: float) -> float:
         """Radians from north, clockwise, within a half turn, of a heading counted anticlockwise
@@ -234,8 +233,7 @@ def decoupled(covariance: np.ndarray) -> np.ndarray:
     much across its long axis; this diagonal is at least the covariance in every direction, and so
     is the matrix with its correlation kept.
     """
-    bound: np.ndarray = covariance + abs(covariance[0, 1]) * np.eye(2)
-    return bound
+    return covariance + abs(covariance[0, 1]) * np.eye(2)
 
 
 def largest_deviation(covariance: np.ndarray) -> float:

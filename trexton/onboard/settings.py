@@ -225,5 +225,4 @@ class Settings:
 
     def of(self, kind: type[T]) -> T:
         """The options of one class."""
-        chosen: T = self.options.get(kind) or kind()
-        return chosen
+        return self.options.get(kind) or kind()

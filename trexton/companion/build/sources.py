@@ -69,8 +69,7 @@ class Contents:
     def _declared(self) -> dict[str, Any]:
         """The table of contents as it is written."""
         file = self.source / self.toc_file
-        toc: dict[str, Any] = yaml.safe_load(file.read_text(encoding="utf-8"))
-        return toc
+        return yaml.safe_load(file.read_text(encoding="utf-8"))
 
     @property
     def _notebooks(self) -> list[str]:

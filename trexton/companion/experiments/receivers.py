@@ -93,8 +93,7 @@ class Receiver:
 
     def squared_error(self, truth: np.ndarray) -> np.ndarray:
         """``(R,)`` squared errors in units of what is believed: 2 on average if that is honest."""
-        squared: np.ndarray = ((self.position - truth) ** 2 / self.variance).sum(axis=1)
-        return squared
+        return ((self.position - truth) ** 2 / self.variance).sum(axis=1)
 
 
 def readings(

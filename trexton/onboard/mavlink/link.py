@@ -62,8 +62,7 @@ class Link(ABC):
 
     def fileno(self) -> int:
         """For `select`."""
-        number: int = self._wire.fileno()
-        return number
+        return self._wire.fileno()
 
     def close(self) -> None:
         """Let go of it; it may be opened again."""

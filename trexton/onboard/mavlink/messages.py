@@ -273,5 +273,4 @@ def quality(spread: np.ndarray, area: tuple[float, float, float, float]) -> int:
 
 def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
     """w, x, y, z of the rotation from body to local frame."""
-    numbers: list[float] = QuaternionBase([roll, pitch, yaw]).q.tolist()
-    return numbers
+    return QuaternionBase([roll, pitch, yaw]).q.tolist()

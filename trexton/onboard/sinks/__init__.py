@@ -231,7 +231,6 @@ def open_sink(
             "module:Class"
         )
     kind, name, rest = addressed
-    made: Sink = kind.make(
+    return kind.make(
         rest, (options or {}).get(kind.options, kind.options()), replace(around, kind=name)
     )
-    return made

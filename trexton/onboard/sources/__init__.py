@@ -146,8 +146,7 @@ def open_source(
                 + ", ".join(addresses("sources", SOURCES))
             )
         chosen = (options or {}).get(source.options, source.options())
-        made: Source = source.make(rest, chosen, shape)
-        return made
+        return source.make(rest, chosen, shape)
     except OSError as error:
         raise ParameterError(
             f"camera {address[:80]!r} cannot be read ({error.strerror or error}): check its path"
