@@ -156,4 +156,6 @@ def _missing_extra(error: ModuleNotFoundError) -> str | None:
     if package not in asking.parents:
         return None
     extra = "book" if package / "companion" in asking.parents else "flights"
+    if package / "onboard" in asking.parents:
+        extra = "crazyflie" if asking.stem == "crazyflie" else "mavlink"
     return f"needs the package {error.name!r}, which is not here: pip install 'trexton[{extra}]'"

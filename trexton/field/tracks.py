@@ -22,7 +22,7 @@ from trexton.field.hypotheses import BIAS_SIGMA, CLUTTER_PROBABILITY, Hypotheses
 from trexton.field.likelihood import peaks
 from trexton.field.linear_motion import LinearMotion
 from trexton.localization.base import Area
-from trexton.localization.estimate import Estimate, Measurement
+from trexton.localization.estimate import Estimate, Measurement, nowhere
 from trexton.localization.filters import Filter
 from trexton.localization.observation import Observation
 from trexton.localization.texton_map import TextonMap
@@ -239,10 +239,7 @@ class TrackFilter:
         """
         hypotheses = self.hypotheses
         if not len(hypotheses):
-            x_min, x_max, y_min, y_max = self.area
-            middle = np.array([x_min + x_max, y_min + y_max]) / 2
-            wide = np.diag([(x_max - x_min) ** 2, (y_max - y_min) ** 2]) / 12
-            return Estimate(middle, wide, lost=True, observed=False)
+            return nowhere(self.area)
         states, weights = hypotheses.states[:, :4], hypotheses.weights
         offset = states - states[0]
         joint = np.einsum("t,tij->ij", weights, hypotheses.covariances[:, :4, :4])

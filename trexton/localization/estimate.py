@@ -142,6 +142,12 @@ class Estimate:
         return self.covariance + np.outer(offset, offset)
 
 
+def nowhere(area: tuple[float, float, float, float]) -> Estimate:
+    """Of a vehicle of which nothing but the area is known: its middle, lost."""
+    low, high = np.reshape(area, (2, 2)).T
+    return Estimate((low + high) / 2, np.diag((high - low) ** 2 / 12), lost=True, observed=False)
+
+
 def ignorance(area: tuple[float, float, float, float]) -> np.ndarray:
     """``(2,)`` standard deviations of a position of which only the area is known, metres."""
     x_min, x_max, y_min, y_max = area

@@ -33,7 +33,9 @@ def build(settings: Settings) -> Onboard:
     ------
     TrextonError
         A setting does not fit, the map cannot be read, a file cannot be made or would be written
-        over what is read, or an extra is not installed.
+        over what is read.
+    ModuleNotFoundError
+        An extra is not installed.
     """
     flying, landing = settings.of(Flying), settings.of(Landing)
     texton_map = load_map(settings.map)

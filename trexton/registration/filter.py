@@ -13,7 +13,7 @@ import numpy as np
 from trexton.base.errors import MapError
 from trexton.base.options import option
 from trexton.localization.base import learned
-from trexton.localization.estimate import Estimate, Measurement
+from trexton.localization.estimate import Estimate, Measurement, nowhere
 from trexton.localization.filters import Filter
 from trexton.localization.lens import camera_of, check_lens, flight_camera, learned_lens, lens_of
 from trexton.localization.observation import Observation
@@ -142,11 +142,7 @@ class RunningRegistration:
         self.tracker, self._period_s = tracker, period_s
         self._time = 0.0
         self._recent: deque[tuple[float, np.ndarray]] = deque(maxlen=_RECENT)  # when, and where
-        x_min, x_max, y_min, y_max = area
-        sides = np.array([x_max - x_min, y_max - y_min])
-        self._nothing = Estimate(
-            np.array([(x_min + x_max) / 2, (y_min + y_max) / 2]), np.diag(sides**2 / 12), lost=True
-        )
+        self._nothing = nowhere(area)
         self._fix: FloorFix | None = None
 
     def reset(self) -> None:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -35,16 +35,6 @@ SINKS = {
     "crazyflie": "trexton.onboard.sinks.crazyflie:CrazyflieSink",
 }
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 30.0
-
-
-@contextmanager
-def extra(who: str, package: str, name: str) -> Iterator[None]:
-    """Around the imports of an extra; raises `ParameterError` where it is not installed."""
-    try:
-        yield
-    except ImportError:
-        words = f"{who} needs the package {package}: pip install 'trexton[{name}]'"
-        raise ParameterError(words) from None
 
 
 @dataclass(frozen=True)
@@ -221,7 +211,9 @@ def open_sink(
     Raises
     ------
     ParameterError
-        The kind is unknown, the address incomplete, or an extra is not installed.
+        The kind is unknown, or the address incomplete.
+    ModuleNotFoundError
+        An extra is not installed.
     """
     addressed = edge_at("sinks", address, SINKS)
     if addressed is None:

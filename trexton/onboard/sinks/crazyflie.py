@@ -13,7 +13,7 @@ from typing import Any
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.onboard.fix import Fix, LocalFrame, largest_deviation
-from trexton.onboard.sinks import Sink, Surroundings, extra
+from trexton.onboard.sinks import Sink, Surroundings
 
 FLOAT = 0x06  # of a parameter, as the protocol numbers types
 DEVIATION = "locSrv.extPosStdDev"  # metres; as delivered 0.01, which no position here deserves
@@ -30,7 +30,7 @@ class CrazyflieSink(Sink):
 
     Raises
     ------
-    ParameterError
+    ModuleNotFoundError
         The extra is not installed.
     """
 
@@ -40,9 +40,9 @@ class CrazyflieSink(Sink):
     }
 
     def __init__(self, uri: str, local: LocalFrame):
-        with extra("a Crazyflie", "cflib", "crazyflie"):
-            from cflib import crtp
-            from cflib.crazyflie import Crazyflie
+        from cflib import crtp
+        from cflib.crazyflie import Crazyflie
+
         logging.getLogger("cflib").setLevel(logging.ERROR)
         self.name, self._uri, self._local = f"crazyflie:{uri}", uri, local
         self._crtp, self._vehicle = crtp, Crazyflie()

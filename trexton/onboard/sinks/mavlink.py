@@ -13,7 +13,7 @@ from trexton.flights.aiding import Aiding
 from trexton.onboard.fix import Fix
 from trexton.onboard.mavlink.link import Link, make_link
 from trexton.onboard.settings import MavlinkOptions
-from trexton.onboard.sinks import Check, Sink, Surroundings, extra
+from trexton.onboard.sinks import Check, Sink, Surroundings
 from trexton.onboard.tally import Tally
 
 if TYPE_CHECKING:
@@ -72,10 +72,10 @@ class MavlinkSink(Sink):
     def make(cls, address: str, options: MavlinkOptions, around: Surroundings) -> MavlinkSink:
         address = f"{around.kind}:{address}"
         link = make_link(address)
-        with extra("MAVLink", "pymavlink", "mavlink"):
-            from trexton.onboard.mavlink.listener import Listener
-            from trexton.onboard.mavlink.messages import PROFILES
-            from trexton.onboard.mavlink.speaker import Speaker
+        from trexton.onboard.mavlink.listener import Listener
+        from trexton.onboard.mavlink.messages import PROFILES
+        from trexton.onboard.mavlink.speaker import Speaker
+
         if options.landing_target and around.target is None:
             raise ParameterError("--landing-target sends the centre of a zone: add --land X,Y")
         target = around.target if options.landing_target else None
