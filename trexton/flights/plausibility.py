@@ -171,11 +171,10 @@ def _angles(flight: Flight) -> Iterator[str]:
         )
         return
     gaps = np.diff(flight.time[rows])
-    turned = np.abs(wrapped(np.diff(flight.attitude[rows, 2])))[gaps < SHORT_INTERVAL]
-    if len(turned) > 2:
-        rate = float(np.median(turned / gaps[gaps < SHORT_INTERVAL]))
-        if rate > MAX_MEDIAN_TURN:
-            yield f"the yaw turns at {rate:.3g} rad/s in half of the frames: degrees? write radians"
+    short = gaps < SHORT_INTERVAL
+    rates = np.abs(wrapped(np.diff(flight.attitude[rows, 2])))[short] / gaps[short]
+    if len(rates) > 2 and (rate := np.median(rates)) > MAX_MEDIAN_TURN:
+        yield f"the yaw turns at {rate:.3g} rad/s in half of the frames: degrees? write radians"
 
 
 def _view(flight: Flight) -> Iterator[str]:
@@ -227,13 +226,10 @@ def _turning(flight: Flight) -> Iterator[str]:
 
 
 def _extent(flight: Flight) -> Iterator[str]:
-    rows = np.flatnonzero(flight.located)
-    if len(rows) < 2:
-        return
-    extent = np.ptp(flight.position[rows], axis=0)
-    if extent.max() < MIN_EXTENT:
+    place = flight.position[flight.located]
+    if len(place) > 1 and (extent := np.ptp(place, axis=0)).max() < MIN_EXTENT:
         yield (
-            f"the {len(rows)} positions span {extent[0]:.2g} m x {extent[1]:.2g} m: another unit "
+            f"the {len(place)} positions span {extent[0]:.2g} m x {extent[1]:.2g} m: another unit "
             "than metres, or a vehicle that stood still"
         )
 

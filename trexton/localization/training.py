@@ -84,33 +84,17 @@ def train_map(
     n_textons = whole(n_textons, "n_textons", 1, MAX_TEXTONS)
     patch = whole(patch, "patch", 1, MAX_PATCH)
     parts: dict[str, Any] = compose(method, choices)
-    given = flight.position if positions is None else np.ma.asarray(positions, dtype=float)
-    given = np.ma.filled(given, np.nan)
-    if given.shape != (len(flight), 2):
-        raise ParameterError(
-            f"positions have shape {given.shape}: expected ({len(flight)}, 2), one for each frame"
-        )
-    located = np.isfinite(given).all(axis=1)
-    if located.sum() < 3:
-        raise MapError(
-            f"flight {flight.name!r} has {located.sum()} frames with a position: "
-            "training needs at least 3"
-        )
-    if cells > 1 and not flight.has_images:
+    place = _positions(flight, positions)
+    located = np.isfinite(place).all(axis=1)
+    trained, shape, rectified = flight.select(located), None, None
+    if flight.has_images:
+        shape, rectified = _shape(trained), flight.rectification
+        dictionary = dictionary or TextonDictionary.learn(flight, n_textons, patch, rng=rng)
+    elif cells > 1:
         raise ParameterError(
             f"flight {flight.name!r} came as histograms: there is no image to cut into "
             f"{cells} x {cells} parts, leave cells at 1"
         )
-    trained, place = flight.select(located), given[located]
-    shape = trained.image(0).shape[:2] if flight.has_images else None
-    rectified = flight.rectification if flight.has_images else None
-    if rectified and shape and rectified.size[::-1] != shape:
-        raise MapError(
-            f"flight {flight.name!r} has images of {shape[1]}x{shape[0]} pixels, its "
-            f"[rectification] makes {rectified.size[0]}x{rectified.size[1]}: import it again"
-        )
-    if flight.has_images:
-        dictionary = dictionary or TextonDictionary.learn(flight, n_textons, patch, rng=rng)
     parameters = {
         "method": method, "n_textons": n_textons, "patch": patch, "cells": cells,
         "positions": positions is not None,
@@ -124,7 +108,7 @@ def train_map(
     untrained = TextonMap(
         dictionary,
         full_histograms(trained, dictionary, cells),
-        place,
+        place[located],
         trained.time,
         flight.area,
         shape,
@@ -137,6 +121,33 @@ def train_map(
     if usual:
         return _with_parts_or_whole(untrained, parts, trained, rng)
     return with_parts(untrained, parts, flight=trained, rng=rng)
+
+
+def _positions(flight: Flight, given: np.ndarray | None) -> np.ndarray:
+    """``(N, 2)``: the flight's own unless `given`, NaN where a frame does not train."""
+    position = flight.position if given is None else np.ma.asarray(given, dtype=float)
+    place = np.ma.filled(position, np.nan)
+    if place.shape != (len(flight), 2):
+        raise ParameterError(
+            f"positions have shape {place.shape}: expected ({len(flight)}, 2), one for each frame"
+        )
+    known = np.isfinite(place).all(axis=1).sum()
+    if known < 3:
+        raise MapError(
+            f"flight {flight.name!r} has {known} frames with a position: training needs at least 3"
+        )
+    return place
+
+
+def _shape(flight: Flight) -> tuple[int, int]:
+    """Height and width of the flight's images, which are those that its lens was taken out of."""
+    shape, rectified = flight.image(0).shape[:2], flight.rectification
+    if rectified and rectified.size[::-1] != shape:
+        raise MapError(
+            f"flight {flight.name!r} has images of {shape[1]}x{shape[0]} pixels, its "
+            f"[rectification] makes {rectified.size[0]}x{rectified.size[1]}: import it again"
+        )
+    return shape
 
 
 def with_parts(
