@@ -18,6 +18,7 @@ from conftest import ROOT
 
 import trexton
 from trexton.cli.main import build_parser, verbs
+from trexton.companion.experiments.homography import HomographyLocalizer
 from trexton.companion.experiments.registry import EXPERIMENTS, LEDGER
 from trexton.companion.wording import template_environment
 from trexton.evaluation.suitability import heat_map, local_losses
@@ -25,7 +26,6 @@ from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.localization.observation import Observation
-from trexton.registration.homography import HomographyLocalizer
 from trexton.registration.mosaic import stitch
 from trexton.simulator import Floor, Light, Simulator, record_flight
 from trexton.vision.camera import Camera

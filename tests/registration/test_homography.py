@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import ImageError, MapError, ParameterError
-from trexton.registration.homography import HomographyLocalizer, detect_keypoints, find_homography
+from trexton.companion.experiments.homography import HomographyLocalizer
+from trexton.registration.homography import detect_keypoints, find_homography
 from trexton.vision.camera import Camera, MapImage, transform_points
 from trexton.vision.images import yuv_from_bgr
 

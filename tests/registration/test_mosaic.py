@@ -349,7 +349,7 @@ def test_where_half_size_leaves_frames_out_full_size_is_tried(flight, monkeypatc
         tried.append((scale, keypoints))
         if scale < 1:
             raise MapError("no links")
-        return SimpleNamespace(used=np.ones(3, bool))
+        return SimpleNamespace(used=np.ones(3, bool), doubt="")
 
     monkeypatch.setattr(stitching, "_stitched", half_fails)
     assert stitch(flight).used.all() and tried == [(0.5, 600), (1.0, 2000)]

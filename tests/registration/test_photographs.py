@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from trexton.companion.experiments.homography import HomographyLocalizer
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.localization.lens import flight_camera
 from trexton.registration import mosaic as stitching
-from trexton.registration.homography import HomographyLocalizer
 from trexton.registration.mosaic import stitch
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import Trust

@@ -317,6 +317,17 @@ def test_learned_trust_makes_the_region_hold():
 
 
 def test_too_few_located_frames_teach_nothing():
-    fixes, truth = made(10, 1.0, 0.0)
-    with pytest.raises(MapError, match="10 of 10 training frames"):
+    fixes, truth = made(8, 1.0, 0.0)
+    with pytest.raises(MapError, match="8 of 8 training frames.* 9 are needed"):
         learn_trust(fixes, truth, 1.0, Trust())
+
+
+def test_from_nine_frames_the_region_that_holds_each_of_them_is_learned():
+    fixes, truth = made(9, 3.0, 1e-5)
+    trust = learn_trust(fixes, truth, 1.0, Trust(scale=1.0, floor=0.0))
+    held = [
+        fix.position
+        @ np.linalg.solve(trust.scale * fix.covariance + trust.floor * np.eye(2), fix.position)
+        for fix in fixes
+    ]
+    assert np.max(held) == pytest.approx(4.605)

@@ -19,6 +19,7 @@ from trexton.registration.layout import (
     Sparse,
     assemble,
     differences,
+    factorized,
     floor_jacobian,
     floor_points,
     pick,
@@ -32,6 +33,8 @@ _HEIGHT = PARAMETERS.index("z")
 # without links.
 _ANCHOR, _MOTION, _TURN = 0.005, 0.3, 0.3
 _ITERATIONS = 10  # at each width of the loss
+_WIDTH = 2.0  # pixels of the loss, at last
+_MEDIAN = 1.1774  # of the length of a plane vector with unit standard deviations
 _GAIN = 1e-3  # share of the cost; a smaller gain ends a width
 
 
@@ -49,7 +52,7 @@ def adjust(
     not taken for wrong links.
     """
     height = float(np.median(poses[:, _HEIGHT]))
-    problem = _Problem(links, Anchors(anchors.rows, anchors.position / height), focal, len(poses))
+    problem = _Problem(links, anchors, focal, len(poses), height)
     poses = poses / ([height] * 3 + [1] * 5)  # in typical heights from here on
     for width in widths:
         damping, cost = 1e-6, problem.cost(poses, width)
@@ -67,6 +70,31 @@ def adjust(
                 break
     # The last bits depend on the linear algebra library; no result should.
     return np.round(poses, 9) * ([height] * 3 + [1] * 5)
+
+
+def left_out(poses: np.ndarray, links: Links, anchors: Anchors, focal: float) -> np.ndarray:
+    """``(A, 2)`` metres to each anchor from where its frame would be without it, linearized about
+    `poses`, which `adjust` found.
+    """
+    height = float(np.median(poses[:, _HEIGHT]))
+    problem = _Problem(links, anchors, focal, len(poses), height)
+    normal, _ = problem.linearized(poses / ([height] * 3 + [1] * 5), _WIDTH)
+    factors = factorized(normal)
+    result = anchors.position - poses[anchors.rows, :2]
+    for each, row in zip(result, anchors.rows, strict=True):
+        place = row * _SIZE + np.arange(2)
+        unit = np.zeros((len(poses) * _SIZE, 2))
+        unit[place, [0, 1]] = 1
+        share = factors.solve(unit)[place] / problem.sigma**2
+        # An anchor's own share of where its frame is: all where nothing else holds it.
+        each[:] = np.linalg.solve(np.eye(2) - share + 1e-9 * np.eye(2), each)
+    return result
+
+
+def anchor_sigma(poses: np.ndarray, links: Links, anchors: Anchors, focal: float) -> float:
+    """Metres that anchors err by along an axis, from how far each is off where it is left out."""
+    off = np.hypot(*left_out(poses, links, anchors, focal).T)
+    return max(float(np.median(off)) / _MEDIAN, _ANCHOR * float(np.median(poses[:, _HEIGHT])))
 
 
 def link_errors(poses: np.ndarray, links: Links, focal: float) -> np.ndarray:
@@ -87,9 +115,12 @@ def _pixels_per_unit(poses: np.ndarray, links: Links, focal: float) -> np.ndarra
 class _Problem:
     """Cost and normal equations, in typical heights."""
 
-    def __init__(self, links: Links, anchors: Anchors, focal: float, count: int):
+    def __init__(self, links: Links, anchors: Anchors, focal: float, count: int, height: float):
         self.links, self.focal = links, focal
-        self.hold, self.expected = _holds(count, anchors)
+        self.sigma = _ANCHOR if anchors.sigma is None else anchors.sigma / height
+        self.hold, self.expected = _holds(
+            count, anchors.rows, anchors.position / height, self.sigma
+        )
 
     def cost(self, poses: np.ndarray, width: float) -> float:
         """Cauchy loss of the links, square pixels, plus the holds; infinite below the floor."""
@@ -111,28 +142,30 @@ class _Problem:
         # reduce it.
         heights = poses[links.pairs, _HEIGHT].sum(axis=1)[:, None, None, None]
         jacobian[..., [_HEIGHT, _SIZE + _HEIGHT]] -= residual[..., None] / heights
-        jacobian = jacobian.reshape(len(links), -1, 2 * _SIZE)
+        jacobian = jacobian.reshape(len(links), 2 * residual.shape[1], 2 * _SIZE)
         weighted = jacobian.transpose(0, 2, 1) * np.repeat(weight, 2, axis=1)[:, None, :]
         normal = assemble(np.matmul(weighted, jacobian), links.pairs, _SIZE, len(poses))
-        pulls = np.matmul(weighted, residual.reshape(len(links), -1, 1))
+        pulls = np.matmul(weighted, residual.reshape(*jacobian.shape[:2], 1))
         gradient = np.zeros_like(poses)
         np.add.at(gradient, links.pairs, pulls.reshape(len(links), 2, _SIZE))
         held = self.hold.T @ (self.hold @ poses.ravel() - self.expected)
         return normal + self.hold.T @ self.hold, gradient.ravel() + held
 
 
-def _holds(count: int, anchors: Anchors) -> tuple[Sparse, np.ndarray]:
+def _holds(
+    count: int, rows: np.ndarray, position: np.ndarray, sigma: float
+) -> tuple[Sparse, np.ndarray]:
     """A sparse matrix and a target: ``matrix @ poses.ravel() - target`` in standard deviations."""
 
-    def taken(rows: np.ndarray, name: str, deviation: float) -> Sparse:
-        return pick(rows * _SIZE + PARAMETERS.index(name), count * _SIZE, 1 / deviation)
+    def taken(of: np.ndarray, name: str, deviation: float) -> Sparse:
+        return pick(of * _SIZE + PARAMETERS.index(name), count * _SIZE, 1 / deviation)
 
     every = np.arange(count)
     parts: list[tuple[Sparse, np.ndarray | float]] = [
         (taken(every, name, width), float(name == "z") / width) for name, width in TYPICAL.items()
     ]
     for axis, name in enumerate("xy"):
-        parts.append((taken(anchors.rows, name, _ANCHOR), anchors.position[:, axis] / _ANCHOR))
+        parts.append((taken(rows, name, sigma), position[:, axis] / sigma))
         parts.append((differences(count, 2) @ taken(every, name, _MOTION), 0.0))
     parts.append((differences(count, 1) @ taken(every, "yaw", _TURN), 0.0))
     target = np.concatenate([np.broadcast_to(value, matrix.shape[0]) for matrix, value in parts])

@@ -20,7 +20,7 @@ from trexton.localization.observation import Observation
 from trexton.localization.training_set import Training
 from trexton.registration.ground import Ground, fine_cell
 from trexton.registration.tracker import FloorTracker
-from trexton.registration.trust import FloorFix, Trust, learn_trust
+from trexton.registration.trust import PHOTOGRAPHS_S, FloorFix, Trust, learn_trust
 from trexton.vision.camera import MapImage, wrapped
 
 if TYPE_CHECKING:
@@ -88,22 +88,23 @@ class Registration(Filter):
             camera=lens,
             trust=np.array(astuple(Trust())),
         )
-        fixes = fitted._try(flight, training.rng)
+        fixes = fitted._try(flight, training)
         trust = learn_trust(fixes, training.positions[: len(fixes)], height, Trust())
         return fitted.with_learned(trust=np.array(astuple(trust)))
 
-    def _try(self, flight: Flight, rng: np.random.Generator) -> list[FloorFix]:
+    def _try(self, flight: Flight, training: Training) -> list[FloorFix]:
         """Fixes of the first frames, attitude as noisy as it will be in flight, if it is known."""
-        tracker, fixes = self.tracker(), []
+        tracker, fixes = self.tracker(training.period_s), []
         for row in range(min(_LEARN, len(flight))):
             attitude = None
             if flight.attitude is not None and np.isfinite(flight.attitude[row]).all():
-                attitude = flight.attitude[row] + self.attitude_sigma * rng.standard_normal(3)
+                noise = self.attitude_sigma * training.rng.standard_normal(3)
+                attitude = flight.attitude[row] + noise
             fixes.append(tracker.step(flight.image(row), attitude=attitude))
         return fixes
 
-    def tracker(self) -> FloorTracker:
-        """A tracker on the learned picture, which knows nothing yet."""
+    def tracker(self, period_s: float) -> FloorTracker:
+        """A tracker on the learned picture, for frames so far apart, which knows nothing yet."""
         x, y, cell = self.place
         world = np.array([[cell, 0, x], [0, -cell, y], [0, 0, 1]])
         camera, above = camera_of(self.camera)
@@ -114,6 +115,7 @@ class Registration(Filter):
             trust=Trust(*self.trust.tolist()),
             attitude_sigma=self.attitude_sigma,
             height_sigma=self.height_sigma,
+            alone=period_s >= PHOTOGRAPHS_S,
         )
 
     def open(
@@ -121,7 +123,9 @@ class Registration(Filter):
     ) -> RunningRegistration:
         if self.floor is None:
             raise MapError("method fine has no picture of the floor: train the map for it")
-        return RunningRegistration(self.tracker(), texton_map.area, texton_map.period_s)
+        return RunningRegistration(
+            self.tracker(texton_map.period_s), texton_map.area, texton_map.period_s
+        )
 
 
 class RunningRegistration:
@@ -212,5 +216,10 @@ def _surroundings(flight: Flight) -> tuple[MapImage, np.ndarray]:
     from trexton.registration.mosaic import stitch  # SciPy: on the ground only
 
     mosaic = stitch(flight)
+    if mosaic.doubt:
+        raise MapError(
+            f"the mosaic of flight {flight.name!r} is not to be trusted: {mosaic.doubt}; train on "
+            "frames that overlap more, give a picture of the floor, or choose method field"
+        )
     height = float(np.median(mosaic.poses[mosaic.used, 2]))
     return mosaic.map, lens_of(flight_camera(flight), height)

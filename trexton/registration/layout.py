@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import splu, spsolve
 
 from trexton.base.errors import MapError
 from trexton.vision.camera import Camera
@@ -28,6 +28,7 @@ PARAMETERS = ("x", "y", "z", "roll", "pitch", "yaw", "shear", "stretch")
 TYPICAL = {"z": 0.05, "roll": 0.06, "pitch": 0.06, "shear": 0.02, "stretch": 0.02}
 _REWEIGHTED = 10  # rounds in which links that disagree with the others lose weight
 _EXACT = 0.1  # pixels: a smaller disagreement is none
+_RIGID = 5.0  # times as surely is a link's turn and scale known as the way between two positions
 _LEAST_SPREAD = 0.25  # of half a frame: how far from their middle the anchors must reach
 # Weak holds for frames without links, beside a weight of 1 for a link: neighbours in time are equal
 # in scale and heading, they move steadily, and all fly at a common height.
@@ -67,10 +68,16 @@ class Links:
 
 @dataclass(frozen=True, eq=False)
 class Anchors:
-    """Frames whose position is known: `rows` ``(A,) int`` and `position` ``(A, 2)`` in metres."""
+    """Frames whose position is known: `rows` ``(A,) int`` and `position` ``(A, 2)`` in metres, of
+    standard deviation `sigma` along an axis; None for that of motion capture.
+    """
 
     rows: np.ndarray
     position: np.ndarray
+    sigma: float | None = None
+
+    def __getitem__(self, chosen: np.ndarray) -> Anchors:
+        return Anchors(self.rows[chosen], self.position[chosen], self.sigma)
 
 
 def floor_points(poses: np.ndarray, offsets: np.ndarray, focal: float) -> np.ndarray:
@@ -153,6 +160,38 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
     return _level_poses(unit * place + origin, unit * similarity, focal)
 
 
+def layout_by_positions(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarray:
+    """``(N, 8)`` level poses by positions that err, and links between frames that have one.
+
+    With the words of `layout`: positions g give a second equation a link, ``g_j - g_i = S_i b``, so
+    that a link is believed as far as it agrees with where its two frames were taken.
+    """
+    turn, shift = _similarities(links)
+    first, step = pick(links.pairs[:, 0], count, 1.0), steps(count, links.pairs)
+    goal, held = np.zeros(count, complex), np.zeros(count)
+    goal[anchors.rows], held[anchors.rows] = anchors.position @ [1, 1j], 1.0
+    moved = step @ goal
+    scale = np.median(np.abs(moved) / np.maximum(np.abs(shift), _EXACT))
+    errors = np.abs(np.abs(shift) * scale - np.abs(moved))
+    reach = _RIGID * np.abs(links.points).max() * scale
+    diagonal = sparse.diags_array
+    equal = _EQUAL * _square(differences(count, 1)) + _STEADY * sparse.eye_array(count)
+    for _ in range(_REWEIGHTED):
+        weight = 1 / (1 + (errors / (3 * np.median(errors) + _EXACT * scale)) ** 2)
+        agree = diagonal(reach * np.sqrt(weight)) @ (step + first - diagonal(turn) @ first)
+        along = diagonal(np.sqrt(weight) * shift) @ first
+        normal = agree.conj().T @ agree + along.conj().T @ along + reach**2 * equal
+        similarity = spsolve(normal.tocsc(), along.conj().T @ (np.sqrt(weight) * moved))
+        move = similarity[links.pairs[:, 0]] * shift
+        errors = np.abs(move - moved)
+    pull = step.T @ diagonal(weight)
+    steady = _STEADY * _square(differences(count, 2))
+    place = solve(pull @ step + steady + diagonal(held), pull @ move + goal)
+    poses = _level_poses(place, similarity, focal)
+    poses[:, 5] = np.unwrap(poses[:, 5])
+    return poses
+
+
 def _similarities(links: Links) -> tuple[np.ndarray, np.ndarray]:
     """``(L,)`` complex a and b of each link: ``first = a second + b``, by least squares."""
     points = links.points[..., 0] - 1j * links.points[..., 1]
@@ -233,13 +272,18 @@ def assemble(blocks: np.ndarray, pairs: np.ndarray, size: int, count: int) -> Sp
     return sparse.coo_array((blocks.ravel(), (down, across)), (count * size, count * size)).tocsc()
 
 
-def solve(matrix: Sparse, vector: np.ndarray) -> np.ndarray:
-    """The solution of a symmetric, positive definite system; `vector` may be complex."""
+def factorized(matrix: Sparse) -> Any:
+    """The factors of a symmetric, positive definite matrix."""
     # An ordering for symmetric matrices, without pivoting: far less fill than the general one.
-    factors = splu(
+    return splu(
         matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
     )  # fmt: skip
+
+
+def solve(matrix: Sparse, vector: np.ndarray) -> np.ndarray:
+    """The solution of a symmetric, positive definite system; `vector` may be complex."""
+    factors = factorized(matrix)
     if np.iscomplexobj(vector):
         return factors.solve(vector.real) + 1j * factors.solve(vector.imag)
     return factors.solve(vector)

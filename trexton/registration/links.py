@@ -7,8 +7,11 @@ decimetres, and a match that is good but one tile off is the one error that no r
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
+from scipy.ndimage import binary_dilation
+from scipy.spatial import cKDTree
 
 from trexton.base.progress import progress
 from trexton.flights.flight import Flight
@@ -21,6 +24,7 @@ Matched = tuple[np.ndarray, np.ndarray]  # a homography and the points that agre
 Linked = tuple[tuple[int, int], np.ndarray, np.ndarray]  # the same with its pair of frames
 
 _LEAST_OVERLAP = 0.08  # of a frame's area
+_NEAREST = 9  # photographs that one is matched with by position, itself among them
 _APART = 0.2  # of a frame's width along the path: nearer spatial neighbours say the same
 _STEPS = (2, 5, 12)  # between frames of the same pass that are linked beside successive ones
 # Of a frame's width: how far a keypoint may be from where it should be if nothing moved, if the
@@ -94,6 +98,7 @@ def spatial_links(
     count: int,
     reach: float,
     linked: set[tuple[int, int]],
+    photographs: bool,
 ) -> Links:
     """Links of frames that their ``(N, 8)`` `poses` put over the same floor on different passes.
 
@@ -105,6 +110,9 @@ def spatial_links(
         Of a frame's width: how far a keypoint may be from where the poses put it.
     linked : set of pairs
         Left out; the pairs found are added to it.
+    photographs : bool
+        They are matched along the path too, where about a frame's heading is known: it or its
+        neighbour has been linked.
     """
     matrices = [world_from_pixel(pose, camera) for pose in poses]
 
@@ -113,15 +121,32 @@ def spatial_links(
         predicted = np.linalg.solve(matrices[second], matrices[first])
         return match_frames(keypoints, camera, pair, predicted, reach * camera.width)
 
-    links = _all_links(revisit, _spatial_pairs(poses, camera, count, linked), "linking passes")
+    known = np.ones(len(poses), bool)
+    if photographs:
+        ends = np.array(sorted(linked)).ravel()
+        known = binary_dilation(np.bincount(ends, minlength=len(poses)) > 0)
+    pairs = _spatial_pairs(poses, camera, count, known, 0.0 if photographs else 1.0)
+    links = _all_links(revisit, sorted(pairs - linked), "linking passes")
     linked.update(pair for pair, _, _ in links)
     return _as_links(links, camera)
 
 
+def nearby_links(keypoints: list[Keypoints], position: np.ndarray, camera: Camera) -> Links:
+    """Links of photographs and those taken nearest to them by ``(N, 2)`` positions that err."""
+    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
+    nearest = rows[cKDTree(position[rows]).query(position[rows], min(_NEAREST, len(rows)))[1]]
+    both = np.sort(np.stack([np.broadcast_to(rows[:, None], nearest.shape), nearest], axis=-1))
+    pairs = {(first, second) for first, second in both.reshape(-1, 2).tolist() if first < second}
+    match = partial(match_frames, keypoints, camera)
+    return _as_links(_all_links(match, sorted(pairs), "linking"), camera)
+
+
 def _spatial_pairs(
-    poses: np.ndarray, camera: Camera, count: int, linked: set[tuple[int, int]]
-) -> list[tuple[int, int]]:
-    """For each frame up to `count` others of other passes, by overlap, spread along the path."""
+    poses: np.ndarray, camera: Camera, count: int, known: np.ndarray, apart: float
+) -> set[tuple[int, int]]:
+    """For each `known` frame, ``(N,) bool``, up to `count` others, by overlap, spread along the
+    path and over `apart` footprints along it from the frame.
+    """
     seen = float(np.median(poses[:, 2])) / camera.focal * np.array([camera.width, camera.height])
     path = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
     cos, sin = np.cos(poses[:, 5]), np.sin(poses[:, 5])
@@ -131,7 +156,9 @@ def _spatial_pairs(
         right, up = cos[row] * x + sin[row] * y, cos[row] * y - sin[row] * x
         overlap = np.maximum(1 - np.abs(right) / seen[0], 0)
         overlap *= np.maximum(1 - np.abs(up) / seen[1], 0)
-        overlap[np.abs(path - path[row]) < seen.max()] = 0
+        overlap[np.abs(path - path[row]) < apart * seen.max()] = 0
+        overlap[row] = 0
+        overlap *= known & known[row]
         taken: list[int] = []
         for other in np.argsort(-overlap, kind="stable"):
             if overlap[other] < _LEAST_OVERLAP or len(taken) == count:
@@ -139,7 +166,7 @@ def _spatial_pairs(
             if not taken or np.abs(path[taken] - path[other]).min() > _APART * seen.max():
                 taken.append(int(other))
                 pairs.add((min(row, int(other)), max(row, int(other))))
-    return sorted(pairs - linked)
+    return pairs
 
 
 def _all_links(

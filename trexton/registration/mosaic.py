@@ -7,7 +7,7 @@ place the picture in the world.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -18,9 +18,22 @@ from trexton.base.options import whole
 from trexton.base.progress import progress
 from trexton.flights.flight import Flight
 from trexton.localization.lens import flight_camera
-from trexton.registration.adjust import adjust, link_errors
-from trexton.registration.layout import Anchors, Links, connected, layout, world_from_pixel
-from trexton.registration.links import flight_keypoints, spatial_links, successive_links
+from trexton.registration.adjust import adjust, anchor_sigma, left_out, link_errors
+from trexton.registration.layout import (
+    Anchors,
+    Links,
+    connected,
+    layout,
+    layout_by_positions,
+    world_from_pixel,
+)
+from trexton.registration.links import (
+    flight_keypoints,
+    nearby_links,
+    spatial_links,
+    successive_links,
+)
+from trexton.registration.trust import PHOTOGRAPHS_S
 from trexton.vision.camera import Camera, MapImage, transform_points
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.threads import ahead
@@ -36,6 +49,11 @@ _FEW = 12  # anchors, where positions are as good as those of motion capture
 _GRAIN = 0.55  # map pixels for each pixel of a frame: the map keeps what most keypoints need
 _LARGEST = 100_000_000  # pixels of the picture
 _TRUSTED = 3.0  # pixels: a link whose median error is larger is wrong
+_USUAL = 4.0  # times the median of all links, where floors are not flat
+_CONTRADICTS = 3.0  # standard deviations between two positions and the link of their frames
+_GPS = 1.5  # metres: a receiver, until the links say how far it errs; at most twice as far
+# From when on a map is in doubt: of frames, of links, of the height, radians.
+_LINKED, _OPEN, _OFF, _TILTED = 0.5, 0.5, 0.25, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,19 +69,41 @@ class Mosaic:
         Frames in the picture; the others could not be linked.
     anchors : (A,) int array
         Rows of the frames whose recorded position placed the map in the world.
+    left_out : (A,) array
+        Metres from each of these positions to where the map puts the frame without it.
     errors : (L,) array
         Of each pair of frames that see the same floor, the median distance in frame pixels between
         matched points, after the adjustment.
     rejected : int
-        Links that contradicted the others.
+        Links that contradicted the others: loops through them do not close.
     """
 
     map: MapImage
     poses: np.ndarray
     used: np.ndarray
     anchors: np.ndarray
+    left_out: np.ndarray
     errors: np.ndarray
     rejected: int
+
+    @property
+    def doubt(self) -> str:
+        """Why the map is not to be trusted; empty where nothing speaks against it."""
+        linked, links = int(self.used.sum()), len(self.errors) + self.rejected
+        height, roll, pitch = np.median(np.abs(self.poses[self.used][:, 2:5]), axis=0)
+        off, tilt = np.median(self.left_out), float(np.hypot(roll, pitch))
+        if linked < _LINKED * len(self.used):
+            return f"only {linked} of {len(self.used)} frames could be linked: they overlap little"
+        if self.rejected > _OPEN * links:
+            return (
+                f"{self.rejected} of {links} links contradict the others, loops through them do "
+                "not close: the floor repeats itself"
+            )
+        if off > _OFF * height:
+            return f"it puts positions left out {off:.3g} m off (median), from {height:.3g} m up"
+        if tilt > _TILTED:
+            return f"its frames would be tilted by {np.degrees(tilt):.0f} degrees (median)"
+        return ""
 
 
 def stitch(flight: Flight, *, anchors: int | None = None) -> Mosaic:
@@ -97,40 +137,78 @@ def stitch(flight: Flight, *, anchors: int | None = None) -> Mosaic:
             if search == _SEARCHES[-1] and not mosaics:
                 raise
             continue
-        if mosaics[-1].used.mean() >= _ENOUGH:
+        if mosaics[-1].used.mean() >= _ENOUGH and not mosaics[-1].doubt:
             break
-    return max(mosaics, key=lambda mosaic: int(mosaic.used.sum()))
+    return max(mosaics, key=lambda mosaic: (not mosaic.doubt, int(mosaic.used.sum())))
 
 
 def _stitched(flight: Flight, camera: Camera, anchors: int, scale: float, keypoints: int) -> Mosaic:
     described = flight_keypoints(flight, scale=scale, limit=keypoints)
-    links = successive_links(described, camera)
+    photographs = _are_photographs(flight, anchors)
+    if photographs:
+        links, start = nearby_links(described, flight.position, camera), layout_by_positions
+    else:
+        links, start = successive_links(described, camera), layout
     held = _choose_anchors(flight, links, anchors)
-    poses = adjust(layout(len(flight), links, held, camera.focal), links, held, camera.focal)
+    focal, rejected = camera.focal, 0
+    poses = adjust(start(len(flight), links, held, focal), links, held, focal)
     linked: set[tuple[int, int]] = set()
     for reach in _REACHES:
-        links = links + spatial_links(described, poses, camera, _NEIGHBORS, reach, linked)
-        poses = adjust(poses, links, held, camera.focal, widths=(8, 4, 2))
+        if held.sigma is not None:
+            held = replace(held, sigma=min(anchor_sigma(poses, links, held, focal), 2 * _GPS))
+        if photographs:  # what contradicts is looked for again, where the others say
+            agreeing = _agreeing(poses, links, held, focal)
+            links, rejected = links[agreeing], rejected + int((~agreeing).sum())
+            linked = set(map(tuple, links.pairs.tolist()))
+        links += spatial_links(described, poses, camera, _NEIGHBORS, reach, linked, photographs)
+        poses = adjust(poses, links, held, focal, widths=(8, 4, 2))
     # Drop the links that contradict the others, adjust once more.
-    agreeing = link_errors(poses, links, camera.focal) < _TRUSTED
-    links, rejected = links[agreeing], int((~agreeing).sum())
+    agreeing = _agreeing(poses, links, held, focal)
+    links, rejected = links[agreeing], rejected + int((~agreeing).sum())
     used = _placed(len(flight), links, held.rows)
-    poses = adjust(poses, links, held, camera.focal, widths=(2,))
-    pixels_per_metre = _GRAIN * camera.focal / float(np.median(poses[used, 2]))
+    poses = adjust(poses, links, held, focal, widths=(2,))
+    pixels_per_metre = _GRAIN * focal / float(np.median(poses[used, 2]))
     picture = _blend(flight, poses, used, camera, pixels_per_metre)
-    errors = link_errors(poses, links, camera.focal)
-    return Mosaic(picture, poses, used, held.rows, errors, rejected)
+    held = held[used[held.rows]]
+    out, errors = left_out(poses, links, held, focal), link_errors(poses, links, focal)
+    return Mosaic(picture, poses, used, held.rows, np.hypot(*out.T), errors, rejected)
+
+
+def _are_photographs(flight: Flight, anchors: int) -> bool:
+    """Whether frames are far apart, and all that have a position are to be placed by it."""
+    by_gps = flight.origin is not None and anchors >= flight.located.sum() > 2
+    return bool(by_gps and np.median(np.diff(flight.time)) >= PHOTOGRAPHS_S)
+
+
+def _agreeing(poses: np.ndarray, links: Links, anchors: Anchors, focal: float) -> np.ndarray:
+    """``(L,) bool``: links that do not contradict the others. What stands up from the floor moves
+    points between photographs from the air, so that there their usual error counts too.
+    """
+    errors = link_errors(poses, links, focal)
+    agreeing = np.asarray(errors < _TRUSTED)
+    if anchors.sigma is not None and agreeing.any():
+        agreeing = errors < max(_TRUSTED, _USUAL * float(np.median(errors)))
+        off = np.zeros((len(poses), 2))
+        off[anchors.rows] = poses[anchors.rows, :2] - anchors.position
+        apart = np.hypot(*(off[links.pairs[:, 1]] - off[links.pairs[:, 0]]).T)
+        agreeing &= apart < _CONTRADICTS * np.sqrt(2) * anchors.sigma
+    if not agreeing.any():
+        raise MapError(
+            f"all {len(links)} links between frames contradict one another: a mosaic needs "
+            "overlapping frames of a flat floor that does not repeat itself"
+        )
+    return agreeing
 
 
 def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
     """`count` frames evenly spread in time among those that have a position and a link."""
     count = whole(count, "anchors", 3)
-    linked = np.zeros(len(flight), bool)
-    linked[links.pairs.ravel()] = True
-    rows = np.flatnonzero(linked & flight.located)
+    linked = np.bincount(links.pairs.ravel(), minlength=len(flight)) > 0
+    # Photographs that are linked later must not stray from their positions either.
+    rows = np.flatnonzero(flight.located & (linked | _are_photographs(flight, count)))
     if not linked.any():
         raise MapError(
-            f"no two successive frames of flight {flight.name!r} could be matched: "
+            f"no two neighbouring frames of flight {flight.name!r} could be matched: "
             "a mosaic needs overlapping frames of a floor with texture"
         )
     if len(rows) < 3:
@@ -139,7 +217,7 @@ def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
             "3: record more of them"
         )
     rows = np.unique(rows[np.linspace(0, len(rows) - 1, count).round().astype(int)])
-    return Anchors(rows, flight.position[rows])
+    return Anchors(rows, flight.position[rows], None if flight.origin is None else _GPS)
 
 
 def _placed(count: int, links: Links, anchors: np.ndarray) -> np.ndarray:

@@ -43,6 +43,8 @@ class FloorTracker:
     trust : Trust
     attitude_sigma, height_sigma : float
         Standard deviations of the attitude (radians) and the height (metres) that `step` is given.
+    alone : bool
+        Photographs: each frame is located by itself, whatever came before.
 
     Raises
     ------
@@ -59,7 +61,9 @@ class FloorTracker:
         trust: Trust | None = None,
         attitude_sigma: float = 0.007,
         height_sigma: float = 0.02,
+        alone: bool = False,
     ):
+        self.alone = alone
         self.height = number(height, "the usual height in metres", above=0)
         self.trust = trust or Trust()
         self.attitude_sigma, self.height_sigma = attitude_sigma, height_sigma
@@ -110,6 +114,8 @@ class FloorTracker:
         """
         if image is None:
             return self._without_frame()
+        if self.alone:
+            self.reset()
         frame = self.odometry.shrunken(image)
         late = self._gone >= _PATIENCE
         if late:
@@ -212,6 +218,8 @@ class FloorTracker:
         chosen = candidates[int(np.argmax(weights))]
         best = chosen.aligned
         others = max(0.0, 1 - sum(each.held for each in candidates))
+        if self.alone:  # no motion will rule them out: they fit no better than the second best
+            others *= float(np.sort(factors)[-2:][0])
         held = float(weights.max() / (weights.sum() + others))
         if best.score >= self.trust.least:
             self._view.aim(self.aligner.center(best.pose))

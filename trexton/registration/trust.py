@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from trexton.base.errors import MapError
 
 Array = NDArray[Any]
+PHOTOGRAPHS_S = 0.5  # from frame to frame: so far apart, none follows from the one before
 _REGION, _QUANTILE = 0.9, 4.605  # the region that must hold, and its chi-squared bound in the plane
 _RIGHT = 0.25  # of the height: a fix further off is a wrong place and says nothing about precision
 _YAW_SIGMA = 0.006  # radians: a rolling shutter under way shears the frame, which turns it
-_FEWEST = 30  # frames that were located
+# Frames that were located: of 9 errors the largest holds 9 of 10 times; of many, their quantile.
+_FEWEST, _MANY = 9, 30
 _SCALES = np.geomspace(0.25, 400, 40)
 _FLOORS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 30)])  # of the height, squared
 
@@ -125,7 +127,9 @@ def learn_trust(fixes: list[FloorFix], truth: Array, height: float, trust: Trust
     total = _SCALES[:, None, None, None, None] * raw + floors[:, None, None, None] * np.eye(2)
     cost = (np.log(_determinant(total)) + _distance(total, error)).mean(axis=-1)
     row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
-    held = np.quantile(_distance(total[row, column], error), _REGION) / _QUANTILE
+    count = len(error)
+    level = _REGION if count >= _MANY else np.ceil(_REGION * (count + 1)) / count
+    held = np.quantile(_distance(total[row, column], error), level) / _QUANTILE
     scores = np.array([fix.score for fix in fixes])[right]
     return replace(
         trust,

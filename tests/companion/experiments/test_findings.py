@@ -154,8 +154,12 @@ def test_dictionary_and_mosaic():
     assert "20 textons share the patches as evenly as 16.7 textons" in text
     values = {"used": 799, "frames": 800, "anchors": 12}
     values["frame_position_error_cm"] = {"median": 0.53, "p95": 1.22}
+    values |= {"links": 990, "rejected_links": 10, "doubt": ""}
     text = found("mosaic", values)
-    assert "positions of 12." in text and "0.53 cm off" in text
+    assert "positions of 12." in text and "0.53 cm off" in text and text.endswith("own position.")
+    text = found("mosaic", values | {"links": 41, "rejected_links": 129, "doubt": "it wobbles"})
+    assert "129 of 170 links contradict the others: the floor repeats itself" in text
+    assert text.endswith("not to be trusted: it wobbles.")
 
 
 def test_times_and_stages():

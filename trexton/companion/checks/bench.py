@@ -117,7 +117,7 @@ def frame(scene: Scene) -> Contests:
     """Image in, estimate out against one SIFT of the frame; and the homography at half size."""
     import cv2
 
-    from trexton.registration.homography import KEYPOINTS, HomographyLocalizer
+    from trexton.companion.experiments.homography import KEYPOINTS, HomographyLocalizer
 
     floor = scene.flight.floor
     assert floor is not None  # the simulator knows it

@@ -16,15 +16,16 @@ from trexton.base.progress import progress
 from trexton.base.records import Record
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters
 from trexton.companion.experiments.evaluation import map_picture
+from trexton.companion.experiments.homography import HomographyLocalizer
 from trexton.companion.experiments.metrics import euclidean
 from trexton.companion.experiments.style import SERIES, legend_below, plan_canvas
 from trexton.companion.wording import distance
 from trexton.flights.flight import Flight
-from trexton.registration.homography import HomographyLocalizer
 from trexton.registration.mosaic import Mosaic, stitch
 from trexton.vision.camera import MapImage
 
-_PLAIN = ("poses", "used", "anchors", "errors")  # arrays of a mosaic that are stored as they are
+_REPEATS = 0.1  # of the links that contradict the others, from which on a floor repeats itself
+_PLAIN = "poses", "used", "anchors", "left_out", "errors"  # stored as they are
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     mosaic = stitched_map(train)
     extent, picture = map_picture(mosaic.map, 900)
-    error_cm = 100 * euclidean(mosaic.poses[:, :2], train.position)[mosaic.used]
+    error_cm = 100 * euclidean(mosaic.poses[:, :2], train.position)
+    # The map was bent to the anchors: each is held against the map without it.
+    error_cm[mosaic.anchors] = 100 * mosaic.left_out
+    error_cm = error_cm[mosaic.used & train.located]
     values = {
         "frames": len(train),
         "used": int(mosaic.used.sum()),
@@ -53,6 +57,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "rejected_links": mosaic.rejected,
         "link_error_px": _spread(mosaic.errors),
         "frame_position_error_cm": _spread(error_cm),
+        "doubt": mosaic.doubt,
     }
     series = {"map": extent, "area_m": train.area, "frames_m": train.position}
     series["anchors_m"] = train.position[mosaic.anchors]
@@ -94,13 +99,21 @@ def locate_all(picture: MapImage, flight: Flight) -> np.ndarray:
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in two sentences."""
+    """What the experiment found, in a few sentences."""
     values = record.values
     off = distance(values["frame_position_error_cm"]["median"])
-    return (
+    text = (
         f"{values['used']} of {values['frames']} frames were stitched into one map, placed by the "
-        f"positions of {values['anchors']}. It puts frames {off} off (median)."
+        f"positions of {values['anchors']}. It puts frames {off} off (median), each of these "
+        "without its own position."
     )
+    rejected, links = values["rejected_links"], values["links"] + values["rejected_links"]
+    if rejected > _REPEATS * links:
+        text += (
+            f" {rejected} of {links} links contradict the others: the floor repeats itself, and "
+            "loops through them do not close."
+        )
+    return text + (f" The map is not to be trusted: {values['doubt']}." if values["doubt"] else "")
 
 
 def stitched(record: Record) -> Figure:

@@ -18,6 +18,7 @@ from trexton.base.streams import stream
 from trexton.companion.executor import limited_threads
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import frames_of, map_of
+from trexton.companion.experiments.homography import HomographyLocalizer
 from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.experiments.rates import frequency, milliseconds
 from trexton.companion.experiments.style import COLORS, canvas
@@ -27,7 +28,6 @@ from trexton.companion.wording import number, percent
 from trexton.companion.wording import times as so_often
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
-from trexton.registration.homography import HomographyLocalizer
 from trexton.vision.camera import MapImage
 
 
