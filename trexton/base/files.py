@@ -1,5 +1,5 @@
 """Nothing is half-written: every file and folder has a temporary name until it is whole. Offers
-`atomic_file`, `atomic_folder`, the checks before a person's files are replaced, and `digest`."""
+`atomic_file`, `write_file`, `atomic_folder`, checks before files are replaced, and `digest`."""
 
 from __future__ import annotations
 
@@ -44,6 +44,12 @@ def atomic_file(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[An
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
+
+
+def write_file(path: str | os.PathLike[str], content: str | bytes) -> None:
+    """Write what there is at once, as by `atomic_file`."""
+    with atomic_file(path, "wb" if isinstance(content, bytes) else "w") as stream:
+        stream.write(content)
 
 
 @contextmanager

@@ -23,7 +23,7 @@ import numpy as np
 
 from trexton.base.arrays import DAMAGE
 from trexton.base.errors import DataError, TrextonError
-from trexton.base.files import atomic_file, canonical_json, read_bytes
+from trexton.base.files import canonical_json, read_bytes, write_file
 
 SCHEMA = 2
 MOST_TEXT = 2**26  # bytes: the longest record of this library has a fiftieth
@@ -102,14 +102,12 @@ class Record:
         for name, image in self.images.items():
             data = cv2.imencode(".png", image)[1].tobytes()
             file = f"{self.experiment}-{name}.png"
-            with atomic_file(folder / file, "wb") as stream:
-                stream.write(data)
+            write_file(folder / file, data)
             pictures[name] = {"file": file, "sha256": hashlib.sha256(data).hexdigest()}
         content = {key: getattr(self, key) for key in self.__dataclass_fields__} | {
             "images": pictures
         }
-        with atomic_file(folder / f"{self.experiment}.json") as stream:
-            stream.write(canonical_json(content))
+        write_file(folder / f"{self.experiment}.json", canonical_json(content))
         return folder / f"{self.experiment}.json"
 
     @classmethod

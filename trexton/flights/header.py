@@ -27,10 +27,6 @@ def _text(value: Any) -> bool:
     return isinstance(value, str)
 
 
-def _positive(value: Any) -> bool:
-    return _numbers([value], 1) and value > 0
-
-
 def _numbers(values: Any, count: int) -> bool:
     """Whether they are a list of so many finite numbers."""
     try:
@@ -72,7 +68,7 @@ _KEYS: dict[str, dict[str, tuple[Callable[[Any], bool], str]]] = {
     "camera": {
         "width_px": (lambda size: type(size) is int and size > 0, "positive numbers"),
         "height_px": (lambda size: type(size) is int and size > 0, "positive numbers"),
-        "focal_px": (_positive, "positive numbers"),
+        "focal_px": (lambda value: _numbers([value], 1) and value > 0, "positive numbers"),
         "center_px": (lambda value: _numbers(value, 2), "[column, row] in pixels"),
     },
     "floor": {

@@ -118,9 +118,8 @@ class _Problem:
     def __init__(self, links: Links, anchors: Anchors, focal: float, count: int, height: float):
         self.links, self.focal = links, focal
         self.sigma = _ANCHOR if anchors.sigma is None else anchors.sigma / height
-        self.hold, self.expected = _holds(
-            count, anchors.rows, anchors.position / height, self.sigma
-        )
+        in_heights = Anchors(anchors.rows, anchors.position / height)
+        self.hold, self.expected = _holds(count, in_heights, self.sigma)
 
     def cost(self, poses: np.ndarray, width: float) -> float:
         """Cauchy loss of the links, square pixels, plus the holds; infinite below the floor."""
@@ -152,9 +151,7 @@ class _Problem:
         return normal + self.hold.T @ self.hold, gradient.ravel() + held
 
 
-def _holds(
-    count: int, rows: np.ndarray, position: np.ndarray, sigma: float
-) -> tuple[Sparse, np.ndarray]:
+def _holds(count: int, anchors: Anchors, sigma: float) -> tuple[Sparse, np.ndarray]:
     """A sparse matrix and a target: ``matrix @ poses.ravel() - target`` in standard deviations."""
 
     def taken(of: np.ndarray, name: str, deviation: float) -> Sparse:
@@ -165,7 +162,7 @@ def _holds(
         (taken(every, name, width), float(name == "z") / width) for name, width in TYPICAL.items()
     ]
     for axis, name in enumerate("xy"):
-        parts.append((taken(rows, name, sigma), position[:, axis] / sigma))
+        parts.append((taken(anchors.rows, name, sigma), anchors.position[:, axis] / sigma))
         parts.append((differences(count, 2) @ taken(every, name, _MOTION), 0.0))
     parts.append((differences(count, 1) @ taken(every, "yaw", _TURN), 0.0))
     target = np.concatenate([np.broadcast_to(value, matrix.shape[0]) for matrix, value in parts])

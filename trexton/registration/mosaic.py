@@ -249,7 +249,10 @@ def _blend(
         np.zeros((lines, columns, 3), np.uint8), x_min, y_max, pixels_per_metre
     )
     map_from_world = np.linalg.inv(empty.world_from_pixel)
-    feather = _feather(camera)
+    # 1 in the middle, falling steeply to 0 at the border
+    sideways = 1 - np.abs(np.linspace(-1, 1, camera.width))
+    downwards = 1 - np.abs(np.linspace(-1, 1, camera.height))
+    feather = (np.outer(downwards, sideways) ** 2).astype(np.float32)
 
     def place(
         job: tuple[Any, np.ndarray, np.ndarray],
@@ -275,13 +278,6 @@ def _blend(
     picture = bgr_from_yuv(np.clip(np.rint(total), 0, 255).astype(np.uint8))
     picture[~mask] = 0
     return MapImage(picture, empty.world_from_pixel, mask)
-
-
-def _feather(camera: Camera) -> np.ndarray:
-    """``(H, W) float32`` weights: 1 in the middle, falling steeply to 0 at the border."""
-    across = 1 - np.abs(np.linspace(-1, 1, camera.width))
-    down = 1 - np.abs(np.linspace(-1, 1, camera.height))
-    return (np.outer(down, across) ** 2).astype(np.float32)
 
 
 def _sharpness(image: np.ndarray) -> np.float32:

@@ -13,7 +13,6 @@ from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import sweeps, trade_off
 from trexton.companion.experiments.declaration import MapParameters
 from trexton.companion.experiments.evaluation import frames_of, map_of
-from trexton.companion.experiments.metrics import absolute_errors
 from trexton.companion.experiments.rates import frequency, milliseconds
 from trexton.companion.experiments.track import tracks
 from trexton.vision.histograms import texton_histogram
@@ -71,7 +70,7 @@ def test_errors_are_those_of_direct_runs(record, pair):
     train, test = pair
     texton_map = map_of(train, MapParameters(textons=6, neighbors=4))
     runs = tracks(texton_map, frames_of(test), repeats=3, seed=1, samples=80, particles=20)
-    direct = [100 * absolute_errors(run.position, test.position)[:, 0].mean() for run in runs]
+    direct = [100 * np.abs(run.position - test.position)[:, 0].mean() for run in runs]
     row = record.series["samples"][2]
     assert row["error_cm_x"]["value"] == pytest.approx(np.median(direct))
 
@@ -80,7 +79,7 @@ def test_full_sampling_is_the_localizer_with_all_patches(record, pair):
     train, test = pair
     texton_map = map_of(train, MapParameters(textons=6, neighbors=4))
     runs = tracks(texton_map, frames_of(test), repeats=3, seed=1, samples=None, particles=20)
-    direct = [100 * absolute_errors(run.position, test.position)[:, 0].mean() for run in runs]
+    direct = [100 * np.abs(run.position - test.position)[:, 0].mean() for run in runs]
     assert record.values["full_sampling_error_cm"]["value"] == pytest.approx(np.median(direct))
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import trexton
 from trexton.base.cache import code_hashes, repository_root, shipped
 from trexton.base.errors import DataError, FlightError, TrextonError
-from trexton.base.files import atomic_file, canonical_json, digest, put_in_place, work_folder
+from trexton.base.files import canonical_json, digest, put_in_place, work_folder, write_file
 from trexton.base.progress import say
 from trexton.companion.build.display import Display, Outcome
 from trexton.companion.build.engine import Entries, Fact, Step, build, labelled
@@ -142,8 +142,7 @@ def _build(contents: Contents, html: Path) -> str:
         finish_book(built)
         lead_from_old_addresses(contents, built)
         put_in_place(built, html)
-    with atomic_file(stamp) as stream:
-        stream.write(key)
+    write_file(stamp, key)
     return f"book: built ({html / 'index.html'})"
 
 

@@ -17,7 +17,7 @@ import pandas as pd
 from IPython.display import HTML, SVG, Markdown, display
 from matplotlib.figure import Figure
 
-from trexton.base.files import atomic_file
+from trexton.base.files import write_file
 from trexton.base.records import Record
 from trexton.companion.build.charts import with_phone
 from trexton.companion.build.flight_pairs import Given, given
@@ -65,15 +65,13 @@ class Page:
         svg = to_svg(figure)
         for suffix, content in ((".svg", svg), ("-print.png", to_png(figure))):
             file = self.folder / f"{self.record.experiment}-{name}{suffix}"
-            with atomic_file(file, "wb") as stream:
-                stream.write(content)
+            write_file(file, content)
         return SVG(with_phone(svg.decode(), for_phones(figure)))
 
     def play(self, recording: PlayedFlight) -> HTML:
         """Write ``<experiment>-player.html`` beside the record, and show it in the page."""
         name = f"{self.record.experiment}-player.html"
-        with atomic_file(self.folder / name) as stream:
-            stream.write(player_html(recording, flight_title(self.record.flight)))
+        write_file(self.folder / name, player_html(recording, flight_title(self.record.flight)))
         return HTML(
             f'<iframe class="player" src="{name}" title="Flight player" loading="lazy"></iframe>'
         )

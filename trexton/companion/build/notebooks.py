@@ -77,10 +77,11 @@ class Notebook:
 
     def inputs(self, parameters: Mapping[str, object], data: Mapping[str, str]) -> Entries:
         """Everything that goes into a run but the records of other experiments, in words."""
+        printed = sorted(paper_file("").glob("*.toml"))
         return {
             "the notebook's text": digest(self.text),
             **inputs_of(parameters, self.code, data),
-            **labelled("file", {f"data/paper/{p.name}": digest(p) for p in _printed()}),
+            **labelled("file", {f"data/paper/{p.name}": digest(p) for p in printed}),
             **labelled("file", {f"data/reference/{k}": v for k, v in self.kept.items()}),
         }
 
@@ -101,10 +102,6 @@ class Notebook:
         words = re.findall(r"""["']([\w-]+)["']""", self.text)
         kept = {path: path.stem.removeprefix("sweep-") for path in kept_results()}
         return {path.name: digest(path) for path, name in kept.items() if name in words}
-
-
-def _printed() -> list[Path]:
-    return sorted(paper_file("").glob("*.toml"))
 
 
 def inputs_of(

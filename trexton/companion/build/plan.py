@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.base.files import atomic_file, digest
+from trexton.base.files import digest, write_file
 from trexton.companion.build import engine, execution
 from trexton.companion.build.display import Display, Outcome
 from trexton.companion.build.engine import Fact, Step, files_fact
@@ -244,12 +244,12 @@ class _Run:
             error = f"{notebook.source}: it left no {notebook.name}.json in its folder of results"
         if error:
             if text:
-                _write(failed, text.encode())
+                write_file(failed, text)
             raise TrextonError(error + (f"; partial output: {failed}" if text else ""))
         files[f"{notebook.name}.ipynb"] = (text or "").encode()
         old = {path.name for path in outputs_of(folder, notebook.name)}
         for file, content in files.items():
-            _write(folder / file, content)
+            write_file(folder / file, content)
         for file in (old - files.keys()) | {failed.name}:
             (folder / file).unlink(missing_ok=True)
 
@@ -269,8 +269,3 @@ def _record_fact(path: Path, timings: bool = False) -> Fact:
         return {label: digest({k: v for k, v in content.items() if timings or k != "timings"})}
 
     return Fact(f"{label} with its timings" if timings else label, read)
-
-
-def _write(path: Path, content: bytes) -> None:
-    with atomic_file(path, "wb") as stream:
-        stream.write(content)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bs4 import BeautifulSoup, Tag
 
-from trexton.base.files import atomic_file
+from trexton.base.files import write_file
 from trexton.companion.build.charts import inline_figure, is_figure
 
 _UNWANTED = re.compile(r"fontawesome|sphinx-thebe|mathjax|THEBE|MathJax")
@@ -35,8 +35,7 @@ def finish_book(html: Path) -> None:
         # A player is whole as it is.
         if "_static" not in path.relative_to(html).parts and not path.stem.endswith("-player"):
             text = finish_page(path)
-            with atomic_file(path) as stream:
-                stream.write(text)
+            write_file(path, text)
 
 
 def finish_page(path: Path) -> str:

@@ -20,7 +20,7 @@ import jinja2
 import trexton
 from trexton.base.cache import repository_root, shipped
 from trexton.base.errors import DataError
-from trexton.base.files import atomic_file
+from trexton.base.files import write_file
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
 from trexton.companion.claims.ledger import load_records
@@ -194,5 +194,4 @@ def render(path: Path, names: Mapping[str, Any]) -> str:
 if __name__ == "__main__":
     clone = repository_root() or Path(".")
     readme = renewed_readme((clone / "README.md").read_text(encoding="utf-8"), clone / "results")
-    with atomic_file(clone / "README.md") as stream:
-        stream.write(readme)
+    write_file(clone / "README.md", readme)

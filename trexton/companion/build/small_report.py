@@ -9,7 +9,7 @@ from typing import Any
 
 from trexton import __version__
 from trexton.base.cache import shipped
-from trexton.base.files import atomic_file
+from trexton.base.files import write_file
 from trexton.base.records import Record
 from trexton.companion import build
 from trexton.companion.build.charts import inline_figure, with_phone
@@ -37,11 +37,14 @@ def write_report(record: Record, path: Path, player: str = "", flight: str = "")
         "What limits it": advice.what_limits(record),
         "What to do next": advice.what_next(record, flight),
     }
+    # With the colours that the book gives to its figures in the dark.
+    book = (shipped("book") / "_static" / "book.css").read_text(encoding="utf-8")
+    style = (files(build) / "small_report.css").read_text(encoding="utf-8")
     template = (files(build) / "small_report.html").read_text(encoding="utf-8")
     page = template_environment().from_string(template)
     text = page.render(
         title=f"Will it work here? {record.flight}",
-        style=_style(),
+        style=style.replace("FIGURE_COLOURS", " ".join(re.findall(r"--fig-\w+: #\w+;", book))),
         finding=as_html(assessment.finding(record)),
         sections=[(title, list(map(as_html, said))) for title, said in sections.items()],
         commands=[command for command in advice.commands(record, flight) if command],
@@ -55,16 +58,8 @@ def write_report(record: Record, path: Path, player: str = "", flight: str = "")
         counts=record.values["counts"],
         version=__version__,
     )
-    with atomic_file(path) as stream:
-        stream.write(text)
+    write_file(path, text)
     return path
-
-
-def _style() -> str:
-    """With the colours that the book gives to its figures in the dark."""
-    book = (shipped("book") / "_static" / "book.css").read_text(encoding="utf-8")
-    style = (files(build) / "small_report.css").read_text(encoding="utf-8")
-    return style.replace("FIGURE_COLOURS", " ".join(re.findall(r"--fig-\w+: #\w+;", book)))
 
 
 def _rows(record: Record) -> list[list[str]]:

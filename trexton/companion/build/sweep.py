@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError
-from trexton.base.files import atomic_file, canonical_json, digest
+from trexton.base.files import atomic_file, canonical_json, digest, write_file
 from trexton.base.options import Options, option
 from trexton.base.records import Record
 from trexton.companion.build import engine
@@ -179,8 +179,7 @@ def _measure_here(
 ) -> None:
     paths = [p and str(Path(p).resolve()) for p in (pair.flight, pair.test_flight)]
     text = call(_measure, module, *paths, parameters.as_dict())
-    with atomic_file(path) as stream:
-        stream.write(text)
+    write_file(path, text)
 
 
 def _measure(module: str, flight: str, test_flight: str | None, parameters: dict[str, Any]) -> str:
@@ -220,7 +219,6 @@ def _write(plan: SweepPlan, made: dict[str, Any], out: Path, rows: Rows) -> None
         "rows": rows,
         **made,
     }
-    with atomic_file(out / "sweep.json") as stream:
-        stream.write(canonical_json(content))
+    write_file(out / "sweep.json", canonical_json(content))
     with atomic_file(out / "sweep.csv") as stream:
         pd.DataFrame(rows).to_csv(stream, index=False)

@@ -58,10 +58,7 @@ def train(scene: Scene) -> Contests:
 
 def _anew(scene: Scene, method: str) -> TextonMap:
     """A map for which nothing was counted before, in an earlier round or for another method."""
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        environment({"TREXTON_CACHE": folder}),
-    ):
+    with tempfile.TemporaryDirectory() as folder, environment({"TREXTON_CACHE": folder}):
         return scene.train(method)
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.base.files import atomic_file, canonical_json
+from trexton.base.files import canonical_json, write_file
 from trexton.base.options import Options, option
 from trexton.base.records import Record, plain
 from trexton.companion.claims import rules
@@ -277,10 +277,6 @@ def write_ledger(folder: Path) -> Rows:
         }
         for claim, findings in rows
     ]
-    with atomic_file(Path(folder) / "claims.json") as stream:
-        stream.write(
-            canonical_json(
-                {"schema": SCHEMA, "counts": count_verdicts(rows), "claims": plain(entries)}
-            )
-        )
+    content = {"schema": SCHEMA, "counts": count_verdicts(rows), "claims": plain(entries)}
+    write_file(Path(folder) / "claims.json", canonical_json(content))
     return rows

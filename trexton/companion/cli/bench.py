@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.base.files import atomic_file, canonical_json, check_writable
+    from trexton.base.files import canonical_json, check_writable, write_file
     from trexton.companion.checks.bench import measure, measure_board
     from trexton.companion.checks.timing import table
 
@@ -45,8 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         else list(measure(arguments.stage, quick=asked.quick, seed=asked.seed))
     )
     if asked.json:
-        with atomic_file(asked.json) as stream:
-            stream.write(canonical_json(rows))
+        write_file(asked.json, canonical_json(rows))
     if asked.board:
         print(canonical_json(rows))
         return 0

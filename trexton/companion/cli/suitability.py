@@ -11,7 +11,13 @@ from typing import Any
 
 from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
-from trexton.base.files import atomic_file, canonical_json, check_not_read, check_writable
+from trexton.base.files import (
+    atomic_file,
+    canonical_json,
+    check_not_read,
+    check_writable,
+    write_file,
+)
 from trexton.base.progress import say
 from trexton.companion.executor import spreading, working_on
 
@@ -67,8 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"   hardest place: x = {x:.1f} m, y = {y:.1f} m; the paper's loss: {entry['loss']:.3f}"
         )
     for name, file in files.items():
-        with atomic_file(f"{file}.json") as stream:
-            stream.write(canonical_json(plain(judged[name])))
+        write_file(f"{file}.json", canonical_json(plain(judged[name])))
         with atomic_file(f"{file}.png", "wb") as stream:
             predicted_errors(floors[name], judged[name]).savefig(stream, format="png", dpi=150)
         say(f"{file}.png, {file.name}.json")

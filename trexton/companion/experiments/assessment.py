@@ -166,8 +166,7 @@ def over_the_floor(record: Record) -> Figure:
     series, best = record.series, best_method(record)[0]
     truth, estimate = np.array(series["truth_m"]), np.array(series[f"{best}_m"])
     label, color = LABELS[best]
-    with canvas(size=(6.2, 5.2)) as (figure, axes):
-        plan = axes[0, 0]
+    with canvas(size=(6.2, 5.2)) as (figure, [[plan]]):
         unit, scale = length_unit(least_error_cm(record) / 100)
         floor_axes(plan, series["area_m"])
         plan.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
@@ -191,8 +190,7 @@ def error_shares(record: Record) -> Figure:
     series, truth = record.series, np.array(record.series["truth_m"])
     unit, scale = length_unit(least_error_cm(record) / 100)
     names = [*record.parameters["methods"].split(), "knn", "centre", "shuffled"]
-    with canvas(size=(7.2, 3.4)) as (figure, axes):
-        plot = axes[0, 0]
+    with canvas(size=(7.2, 3.4)) as (figure, [[plot]]):
         for name in names:
             label, color = LABELS[name]
             error = scale * np.sort(euclidean(np.array(series[f"{name}_m"]), truth))

@@ -87,7 +87,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     flights, timings = {}, {}
     changed: dict[str, TextonMap] = {}
     for name, variant in VARIANTS.items():
-        if not _possible(variant, train):
+        if variant.odometry and (train.camera is None or train.height is None):
+            continue
+        if (variant.whole or variant.odometry) and not train.has_images:
             continue
         started = perf_counter()
         base = changed["field"] if variant.odometry else texton_map
@@ -118,13 +120,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     frame = _ambiguous(changed["field"], test, frames, parameters)
     series = {"errors_cm": errors_cm, "frame": frame, "area_m": changed["field"].area}
     return parameters.record(train, test, values=values, series=series, timings=timings)
-
-
-def _possible(variant: Variant, train: Flight) -> bool:
-    """Whether the flight has what a variant needs."""
-    if variant.odometry and (train.camera is None or train.height is None):
-        return False
-    return train.has_images or not (variant.whole or variant.odometry)
 
 
 def _map_for(variant: Variant, base: TextonMap, located: Flight) -> TextonMap:
@@ -227,8 +222,7 @@ _DRAWN = {
 
 def errors(record: Record) -> Figure:
     """The error below which a share of the frames stays, a line for each of `_DRAWN`."""
-    with canvas(size=(7.2, 3.8)) as (figure, axes):
-        plot = axes[0, 0]
+    with canvas(size=(7.2, 3.8)) as (figure, [[plot]]):
         for name in filter(record.series["errors_cm"].__contains__, _DRAWN):
             values = record.series["errors_cm"][name]
             share = 100 * (np.arange(len(values)) + 0.5) / len(values)

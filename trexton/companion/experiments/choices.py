@@ -20,7 +20,6 @@ from trexton.companion.experiments.style import COLORS, canvas, label_rows, with
 from trexton.companion.experiments.track import tracks
 from trexton.companion.wording import apart, distance
 from trexton.flights.flight import Flight
-from trexton.localization.localizer import TextonMap
 from trexton.localization.training import train_map
 from trexton.vision.textons import TextonDictionary
 
@@ -65,7 +64,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     common: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
     changes = {key: (label, texton_map, options) for key, (label, options) in _CHANGES.items()}
     if test.has_images and train.has_images:
-        learned = _winner_take_all(train, parameters.neighbors, parameters.seed)
+        rng = stream(parameters.seed, "training")  # learned as the flight code did
+        dictionary = TextonDictionary.learn(train, rng=rng, method="winner-take-all")
+        learned = train_map(train, neighbors=parameters.neighbors, rng=rng, dictionary=dictionary)
         changes["winner"] = ("winner-take-all dictionary", learned, {})
     variants = {}
     for key, (label, changed, options) in changes.items():
@@ -85,13 +86,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     return parameters.record(train, test, values=values)
 
 
-def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:
-    """The map of a dictionary learned as the flight code did."""
-    rng = stream(seed, "training")
-    dictionary = TextonDictionary.learn(train, rng=rng, method="winner-take-all")
-    return train_map(train, neighbors=neighbors, rng=rng, dictionary=dictionary)
-
-
 def finding(record: Record) -> str:
     """What the experiment found, in two sentences."""
     variants = record.values["variants"]
@@ -109,8 +103,7 @@ def finding(record: Record) -> str:
 def costs(record: Record) -> Figure:
     """Mean error of every variant with its 95 % interval; the line is the paper's method."""
     variants = [record.values["variants"][key] for key in record.values["order"]]
-    with canvas(size=(7.2, 0.7 + 0.3 * len(variants))) as (figure, axes):
-        plot = axes[0, 0]
+    with canvas(size=(7.2, 0.7 + 0.3 * len(variants))) as (figure, [[plot]]):
         for row, (key, variant) in enumerate(zip(record.values["order"], variants, strict=True)):
             color = COLORS["paper" if key == "paper" else "zone"]
             filled = key == "paper" or variant["flight_code"]

@@ -12,15 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trexton.base.defaults import NEIGHBORS, PARTICLES, SAMPLES, TEXTONS
-from trexton.base.options import Options, option
+from trexton.base.options import Options
+from trexton.base.options import option as option
 from trexton.base.records import Record
 from trexton.companion.provenance import made_by
 from trexton.flights.flight import Flight
-
-__all__ = [
-    "IMAGES", "NEEDS", "POSITIONS", "SURVEYED", "Experiment", "MapParameters",
-    "Need", "SeedParameters", "option",
-]  # fmt: skip
 
 
 class Need(NamedTuple):

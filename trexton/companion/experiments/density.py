@@ -145,8 +145,7 @@ def errors(record: Record) -> Figure:
     """Mean error with its interval over the distance to the nearest frame of the survey."""
     surveys = record.values["surveys"]
     apart = np.array([survey["apart_cm"] for survey in surveys])
-    with canvas(size=(6.4, 3.6)) as (figure, axes):
-        plot = axes[0, 0]
+    with canvas(size=(6.4, 3.6)) as (figure, [[plot]]):
         for (method, label), mark, stroke in zip(METHODS.items(), "osD", "-:-", strict=True):
             color = COLORS[method if method in COLORS else "field"]
             entries = [survey[method]["error_cm"] for survey in surveys]

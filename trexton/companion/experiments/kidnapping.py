@@ -208,8 +208,7 @@ def finding(record: Record) -> str:
 def time_to_recover(record: Record) -> Figure:
     """Share of the kidnappings that the filter has recovered from, over time."""
     count, patience = record.values["counts"]["kidnappings"], record.values["patience_s"]
-    with canvas(size=(6.4, 3.4)) as (figure, axes):
-        plot = axes[0, 0]
+    with canvas(size=(6.4, 3.4)) as (figure, [[plot]]):
         for name, (words, *_, line) in FILTERS.items():
             times = record.series[name]["recovery_s"]
             shares = 100 * np.array([*range(len(times) + 1), len(times)]) / count

@@ -17,11 +17,6 @@ BLOCK = 12  # frames of a bootstrap block, about a second
 _MIN_BLOCKS = 4  # of a flight
 
 
-def absolute_errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """``(N, 2)`` absolute errors per axis in metres; NaN where either side is unknown."""
-    return np.abs(estimates - truth)
-
-
 def euclidean(places: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Distances in metres between ``(..., 2)`` places, ``(...)`` as both broadcast."""
     return np.hypot(*np.moveaxis(places - others, -1, 0))
@@ -129,7 +124,7 @@ def summarize(
         ``rmse_cm`` and ``relative`` (mean over diagonal). Further ``frames`` and ``missing``,
         counts a run on average.
     """
-    absolute = 100 * np.stack([absolute_errors(run, truth) for run in runs])
+    absolute = 100 * np.stack([np.abs(run - truth) for run in runs])
     missing = float((~np.isfinite(absolute).all(axis=2)).sum(axis=1).mean())
     count = absolute.shape[1]
     result: dict[str, Any] = {"runs": len(runs), "frames": count - missing, "missing": missing}

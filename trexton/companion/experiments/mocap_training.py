@@ -27,7 +27,7 @@ from trexton.companion.experiments.evaluation import (
     shuffled_neighbors,
     whereabouts,
 )
-from trexton.companion.experiments.metrics import absolute_errors, mean_with_interval, summarize
+from trexton.companion.experiments.metrics import mean_with_interval, summarize
 from trexton.companion.experiments.style import COLORS, joined_plan
 from trexton.companion.experiments.track import Track, tracks
 from trexton.companion.wording import beside, distance, middle, number, percent
@@ -112,7 +112,7 @@ def train_and_fly(
         "constant_guess": summary([constant_guess(known, len(test))]),
         "shuffled_neighbors": summary([shuffled()]),
     }
-    means = [absolute_errors(run.position, test.position).mean() for run in runs]
+    means = [np.abs(run.position - test.position).mean() for run in runs]
     typical = runs[int(np.argsort(means, kind="stable")[(len(means) - 1) // 2])]
     series = {
         "time_s": test.time - test.time[0],
@@ -128,10 +128,7 @@ def train_and_fly(
 def _spread(runs: list[Track], test: Flight, rng: np.random.Generator) -> dict[str, Any]:
     """Is the particles' spread honest? Shares of the errors of an axis that it covers."""
     ratio = np.array(
-        [
-            absolute_errors(run.position, test.position) / np.maximum(run.spread, 1e-9)
-            for run in runs
-        ]
+        [np.abs(run.position - test.position) / np.maximum(run.spread, 1e-9) for run in runs]
     )
     return {
         "within_one": (ratio <= 1).mean(),

@@ -91,10 +91,6 @@ class Receiver:
         self.speed_variance = np.where(which, FIRST_SPEED**2, self.speed_variance)
         self._refused_since = np.where(which, np.inf, self._refused_since)
 
-    def squared_error(self, truth: np.ndarray) -> np.ndarray:
-        """``(R,)`` squared errors in units of what is believed: 2 on average if that is honest."""
-        return ((self.position - truth) ** 2 / self.variance).sum(axis=1)
-
 
 def readings(
     positions: np.ndarray, time: np.ndarray, vehicles: int, rng: np.random.Generator

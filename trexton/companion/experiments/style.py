@@ -226,8 +226,7 @@ def errors_by_row(
     errors : mapping
         Method to entries, as records hold them, by the keys of those rows that it has.
     """
-    with canvas(size=(7.2, 0.8 + 0.36 * len(rows))) as (figure, axes):
-        plot = axes[0, 0]
+    with canvas(size=(7.2, 0.8 + 0.36 * len(rows))) as (figure, [[plot]]):
         for place, (method, found) in enumerate(errors.items()):
             at = np.array([row for row, key in enumerate(rows) if key in found])
             with_intervals(

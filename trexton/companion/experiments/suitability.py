@@ -29,11 +29,7 @@ from trexton.companion.experiments.style import (
     legend_above,
     plain_log_ticks,
 )
-from trexton.companion.experiments.virtual_flights import (
-    VirtualFlights,
-    judge_floor,
-    measured_cm,
-)
+from trexton.companion.experiments.virtual_flights import VirtualFlights, judge_floor, measured_cm
 from trexton.companion.wording import fixed, percent, span
 from trexton.field.likelihood import bilinear
 from trexton.flights.flight import Flight
@@ -157,8 +153,7 @@ def predicted_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
     """The expected error over the floor's picture; within the line it is above the mean."""
     heat = 100 * np.array(judged["heat"]["error_m"], dtype=float)
     extent = judged["area_m"]
-    with canvas(1, 1, size=(5.6, 5.0)) as (figure, axes):
-        plan = axes[0, 0]
+    with canvas(1, 1, size=(5.6, 5.0)) as (figure, [[plan]]):
         floor_axes(plan, extent)
         pale = 255 - (255 - floor.picture.image[..., ::-1].astype(float)) * 0.35
         plan.imshow(pale.astype(np.uint8), extent=extent, interpolation="bilinear", zorder=0)

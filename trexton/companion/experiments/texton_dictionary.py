@@ -57,7 +57,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "frequency": frequency,
             "fit": _fit(dictionary, patches),
         },
-        images={"textons": texton_strip(dictionary)},
+        # All textons side by side.
+        images={"textons": bgr_from_yuv(np.concatenate(list(dictionary.textons), axis=1))},
     )  # fmt: skip
 
 
@@ -73,11 +74,6 @@ def _fit(dictionary: TextonDictionary, patches: np.ndarray) -> dict[str, float]:
         "error": float(np.sqrt(np.mean(difference**2, dtype=np.float64))),
         "effective": float(np.exp(-(used * np.log(used)).sum())),
     }
-
-
-def texton_strip(dictionary: TextonDictionary) -> np.ndarray:
-    """``(P, K P, 3) uint8`` BGR: all textons side by side."""
-    return bgr_from_yuv(np.concatenate(list(dictionary.textons), axis=1))
 
 
 def finding(record: Record) -> str:

@@ -160,8 +160,7 @@ def stages(record: Record) -> Figure:
     paper = dict(published()["timing"])
     paper["full_sampling_ms"] = 1000 / paper["full_sampling_hz"]
     places, height = range(len(rows)), 0.8 + 0.42 * len(rows)
-    with canvas(size=(7.2, height)) as (figure, axes):
-        plot = axes[0, 0]
+    with canvas(size=(7.2, height)) as (figure, [[plot]]):
         plot.plot(medians, places, "o", color=COLORS["paper"], label="here")
         printed = [paper.get(key, np.nan) for _, _, key in rows]
         plot.plot(printed, places, "D", color=COLORS["printed"], label="the paper")

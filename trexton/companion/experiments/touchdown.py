@@ -105,7 +105,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 for floor, trial in over
             },
         },
-        series={name: {"touchdown_m": _touchdowns(trials)} for name, trials in flown.items()},
+        # About the zone's centre, in the resolution of millimetres.
+        series={
+            name: {"touchdown_m": np.round([a.touchdown - a.zone for a in sum(trials, [])], 3)}
+            for name, trials in flown.items()
+        },
     )
 
 
@@ -195,12 +199,6 @@ def _summary(trials: Sequence[list[Attempt]], parameters: Parameters) -> dict[st
         "wait_s": float(np.median([attempt.wait_s for attempt in landed])) if landed else None,
         "trigger_error_cm": float(np.median(error)) if landed else None,
     }
-
-
-def _touchdowns(trials: Sequence[list[Attempt]]) -> np.ndarray:
-    """Those of one lander about the zone's centre, in the resolution of millimetres."""
-    attempts: list[Attempt] = sum(trials, [])
-    return np.round([attempt.touchdown - attempt.zone for attempt in attempts], 3)
 
 
 def finding(record: Record) -> str:

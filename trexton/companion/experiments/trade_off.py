@@ -19,7 +19,7 @@ from trexton.companion.executor import limited_threads
 from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import errors_of
-from trexton.companion.experiments.metrics import absolute_errors, block_rows, with_interval
+from trexton.companion.experiments.metrics import block_rows, with_interval
 from trexton.companion.experiments.style import (
     COLORS,
     SERIES,
@@ -114,7 +114,7 @@ def _gain(
 ) -> dict[str, Any]:
     """By which share the error in x falls from one setting to another, with its 95 % interval."""
     first, second = (
-        np.stack([absolute_errors(run.position, test.position)[:, 0] for run in runs])
+        np.stack([np.abs(run.position - test.position)[:, 0] for run in runs])
         for runs in (before, after)
     )
 
@@ -191,8 +191,7 @@ def stored(record: Record) -> Figure:
     """Rate of the loop against the number of stored histograms, searched in turn or by a tree."""
     clocks = record.timings["stored"]
     count = [row["stored"] for row in clocks]
-    with canvas(size=(6.4, 4.0)) as (figure, axes):
-        plot = axes[0, 0]
+    with canvas(size=(6.4, 4.0)) as (figure, [[plot]]):
         for method, label, color in (
             ("brute", "every histogram in turn", SERIES[1]),
             ("tree", "k-d tree", SERIES[0]),

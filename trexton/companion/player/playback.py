@@ -18,11 +18,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.base.errors import MapError, ParameterError
+from trexton.base.errors import MapError
 from trexton.base.streams import stream
 from trexton.companion import player
 from trexton.companion.experiments.declaration import MapParameters
-from trexton.companion.experiments.evaluation import map_of
+from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import for_method
@@ -120,7 +120,7 @@ def record_replay(
     first, *others = localizers.items()
     every = -(-len(flight) // most_frames)
     kept = []
-    for row, frame in enumerate(flight.images() if flight.has_images else _histograms(flight)):
+    for row, frame in enumerate(flight.images() if flight.has_images else frames_of(flight)):
         before = deepcopy(first[1].rng)
         estimate = first[1].step(frame)
         estimates = {first[0]: estimate.position}
@@ -154,12 +154,6 @@ def record_replay(
     return PlayedFlight(
         flight.name, flight.area, kept, None if flight.floor is None else _floor(flight.floor)
     )
-
-
-def _histograms(flight: Flight) -> np.ndarray:
-    if flight.histograms is None:
-        raise ParameterError(f"flight {flight.name!r} has neither images nor histograms to replay")
-    return flight.histograms
 
 
 def _cm(metres: Any) -> Any:
