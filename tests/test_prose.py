@@ -20,8 +20,8 @@ import trexton
 from trexton.cli.main import build_parser, verbs
 from trexton.companion.experiments.homography import HomographyLocalizer
 from trexton.companion.experiments.registry import EXPERIMENTS, LEDGER
+from trexton.companion.experiments.similarity import heat_map, local_losses
 from trexton.companion.wording import template_environment
-from trexton.evaluation.suitability import heat_map, local_losses
 from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone, TouchdownZone

@@ -13,7 +13,7 @@ from trexton.base.records import Record
 from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import map_loss
 from trexton.companion.experiments.correlation import pair_correlation, rank_correlation
-from trexton.evaluation.suitability import cosine_similarity, local_losses
+from trexton.companion.experiments.similarity import cosine_similarity, local_losses
 from trexton.localization.training_set import EXCLUDED_SECONDS
 
 

@@ -14,8 +14,8 @@ from small_room import observations, random_walk, rank_mixture
 from trexton.companion.experiments.floors import mean_over_floors
 from trexton.companion.experiments.metrics import block_rows, summarize, with_interval
 from trexton.companion.experiments.rates import wilson_interval
+from trexton.companion.experiments.similarity import local_losses
 from trexton.companion.experiments.sweeps import TreeSearch
-from trexton.evaluation.suitability import local_losses
 from trexton.flights import read_flight, write_flight
 from trexton.localization.estimate import Estimate
 from trexton.localization.filters import ParticleFilter

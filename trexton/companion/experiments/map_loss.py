@@ -17,10 +17,15 @@ from trexton.companion.experiments.correlation import pair_correlation, rank_cor
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import evenly_spread, floor_picture, frames_of, map_of
 from trexton.companion.experiments.metrics import euclidean
+from trexton.companion.experiments.similarity import (
+    cosine_similarity,
+    heat_map,
+    local_losses,
+    smooth,
+)
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, length_unit, show_floor
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import number
-from trexton.evaluation.suitability import cosine_similarity, heat_map, local_losses, smooth
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import training_set

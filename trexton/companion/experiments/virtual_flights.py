@@ -19,8 +19,8 @@ from trexton.base.options import Options, option
 from trexton.base.streams import stream
 from trexton.companion.experiments.evaluation import constant_guess, frames_of
 from trexton.companion.experiments.metrics import euclidean, mean_with_interval
+from trexton.companion.experiments.similarity import local_losses, smooth
 from trexton.companion.experiments.track import fly
-from trexton.evaluation.suitability import local_losses, smooth
 from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area

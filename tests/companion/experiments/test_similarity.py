@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import MapError, ParameterError
-from trexton.evaluation.suitability import (
+from trexton.companion.experiments.similarity import (
     cosine_similarity,
     heat_map,
     ideal_similarity,
