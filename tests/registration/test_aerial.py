@@ -4,6 +4,7 @@ against the truth, against photographs matched one by one, and where it must say
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -181,6 +182,17 @@ def test_over_containers_alike_the_map_is_better_than_gps_and_says_how_far_it_is
     # What is left out errs by GPS and the map together; what held the map seems better than it is.
     own = np.median(lengths((mosaic.poses[:, :2] - flight.position)[mosaic.anchors]))
     assert own < np.median(mosaic.left_out) and 0.7 < np.median(mosaic.left_out) / gps < 1.5
+
+
+def test_photographs_of_more_pixels_are_linked_as_well_where_things_stand_up(containers, tmp_path):
+    flight, truth = containers
+    files = tuple(tmp_path / f"{row:03d}.png" for row in range(len(flight)))
+    for small, large in zip(flight.frames.files, files, strict=True):
+        cv2.imwrite(str(large), cv2.resize(cv2.imread(str(small)), (640, 480)))
+    mosaic = stitch(replace(flight, frames=ImageFiles(files), camera=Camera(640, 480, 520.0)))
+    assert mosaic.used.mean() > 0.8 and not mosaic.doubt
+    off = lengths((mosaic.poses[:, :2] - truth[:, :2])[mosaic.used])
+    assert np.median(off) < 0.8 * np.median(lengths(flight.position - truth[:, :2]))
 
 
 def photo_to_photo(train: Flight, test: Flight) -> np.ndarray:

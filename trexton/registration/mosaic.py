@@ -48,6 +48,9 @@ _ENOUGH = 0.8  # of the frames
 _FEW = 12  # anchors, where positions are as good as those of motion capture
 _GRAIN = 0.55  # map pixels for each pixel of a frame: the map keeps what most keypoints need
 _LARGEST = 100_000_000  # pixels of the picture
+# Width in pixels at which photographs are linked, for scale 1: what stands up from the floor moves
+# points by a share of the picture, however fine it is.
+_WIDTH = 320
 _TRUSTED = 3.0  # pixels: a link whose median error is larger is wrong
 _USUAL = 4.0  # times the median of all links, where floors are not flat
 _CONTRADICTS = 3.0  # standard deviations between two positions and the link of their frames
@@ -97,7 +100,7 @@ class Mosaic:
         if self.rejected > _OPEN * links:
             return (
                 f"{self.rejected} of {links} links contradict the others, loops through them do "
-                "not close: the floor repeats itself"
+                "not close: the floor repeats itself, or much stands up from it"
             )
         if off > _OFF * height:
             return f"it puts positions left out {off:.3g} m off (median), from {height:.3g} m up"
@@ -143,8 +146,16 @@ def stitch(flight: Flight, *, anchors: int | None = None) -> Mosaic:
 
 
 def _stitched(flight: Flight, camera: Camera, anchors: int, scale: float, keypoints: int) -> Mosaic:
-    described = flight_keypoints(flight, scale=scale, limit=keypoints)
-    photographs = _are_photographs(flight, anchors)
+    photographs, whole, unit = _are_photographs(flight, anchors), camera, 1.0
+    if photographs:
+        unit = min(1.0, _WIDTH / camera.width)
+        center = unit * (np.array(camera.principal_point) + 0.5) - 0.5
+        size = round(unit * camera.width), round(unit * camera.height)
+        camera = Camera(*size, unit * camera.focal, (center[0], center[1]))
+    described = [
+        replace(each, points=unit * (each.points + 0.5) - 0.5)
+        for each in flight_keypoints(flight, scale=unit * scale, limit=keypoints)
+    ]
     if photographs:
         links, start = nearby_links(described, flight.position, camera), layout_by_positions
     else:
@@ -167,10 +178,10 @@ def _stitched(flight: Flight, camera: Camera, anchors: int, scale: float, keypoi
     links, rejected = links[agreeing], rejected + int((~agreeing).sum())
     used = _placed(len(flight), links, held.rows)
     poses = adjust(poses, links, held, focal, widths=(2,))
-    pixels_per_metre = _GRAIN * focal / float(np.median(poses[used, 2]))
-    picture = _blend(flight, poses, used, camera, pixels_per_metre)
+    pixels_per_metre = _GRAIN * whole.focal / float(np.median(poses[used, 2]))
+    picture = _blend(flight, poses, used, whole, pixels_per_metre)
     held = held[used[held.rows]]
-    out, errors = left_out(poses, links, held, focal), link_errors(poses, links, focal)
+    out, errors = left_out(poses, links, held, focal), link_errors(poses, links, focal) / unit
     return Mosaic(picture, poses, used, held.rows, np.hypot(*out.T), errors, rejected)
 
 
