@@ -115,7 +115,7 @@ def learn_trust(fixes: list[FloorFix], truth: Array, height: float, trust: Trust
     right = np.array([not fix.lost for fix in fixes]) & (np.hypot(*error.T) < _RIGHT * height)
     if right.sum() < _FEWEST:
         advice = "check the map image, the camera and the positions"
-        if len(fixes) < _FEWEST:  # however good they are
+        if len(fixes) < _MANY:  # of which a few are not found, however good they are
             advice = "train with more frames, or with another method"
         raise MapError(
             f"{right.sum()} of {len(fixes)} training frames were found on the map image, "
