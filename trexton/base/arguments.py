@@ -7,8 +7,6 @@ options, and `add_assignments`, ``--set`` for pairs.
     chosen_options(parser.parse_args(), Parameters)  # the object, checked
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterable
 from typing import Any, TypeVar

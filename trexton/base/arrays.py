@@ -3,8 +3,6 @@
 Offers `read_arrays`, and what a damaged file makes NumPy and zip raise.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import tokenize

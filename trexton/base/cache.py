@@ -1,8 +1,6 @@
 """Intermediate results are keyed by all that went in: code, parameters and data, never a file's
 name. Offers `cached`, the hashes of code behind it, and where the clone keeps its files."""
 
-from __future__ import annotations
-
 import ast
 import hashlib
 import os

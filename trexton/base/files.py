@@ -1,8 +1,6 @@
 """Nothing is half-written: every file and folder has a temporary name until it is whole. Offers
 `atomic_file`, `write_file`, `atomic_folder`, checks before files are replaced, and `digest`."""
 
-from __future__ import annotations
-
 import glob
 import hashlib
 import json

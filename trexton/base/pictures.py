@@ -1,8 +1,6 @@
 """Pictures that others wrote, decoded without trust: what they declare is looked at first. Offers
 `decode` and `declared_size`."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

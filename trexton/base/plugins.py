@@ -5,8 +5,6 @@ A name is an entry of the library's own table, an entry point of an installed pa
 `addresses`, `resolve`, and `import_plugins` for modules that are not installed.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Mapping

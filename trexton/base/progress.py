@@ -1,8 +1,6 @@
 """What a person reads while something runs goes to stderr; `--quiet` silences it. Offers
 `progress`, `say`, and `shown`, which escapes a terminal's codes."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable, Iterator
 from typing import Any, TextIO, TypeVar

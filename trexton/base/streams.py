@@ -1,8 +1,6 @@
 """Randomness has names: every draw belongs to a stream, and no two streams meet. Offers `stream`,
 which makes the generator of a seed and a name."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``trexton check``: every fault of a flight folder is reported. Status 1 if it is unusable."""
 
-from __future__ import annotations
-
 import argparse
 
 from trexton.base.errors import ParameterError

@@ -1,7 +1,5 @@
 """``trexton data``: public flights. They are listed, or fetched by URL and hash."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

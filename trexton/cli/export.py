@@ -1,7 +1,5 @@
 """``trexton export FLIGHT KIND --out FILE``: a track for other programs. TUM is built in."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 help.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os

@@ -1,7 +1,5 @@
 """``trexton methods [NAME]``: what can be chosen. Methods, their parts, the options of each."""
 
-from __future__ import annotations
-
 import argparse
 import inspect
 from collections.abc import Iterator

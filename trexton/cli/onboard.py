@@ -1,7 +1,5 @@
 """``trexton onboard MAP``: localize live frames. Positions go to the sinks that were asked for."""
 
-from __future__ import annotations
-
 import _thread
 import argparse
 import signal

@@ -1,8 +1,6 @@
 """Before take-off the loop runs for some seconds and commands nothing. What it met is judged line
 by line."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

@@ -2,8 +2,6 @@
 
 `replayed` gives a line for each thing that happened, what was sent beside what was answered."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections import Counter

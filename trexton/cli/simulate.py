@@ -1,7 +1,5 @@
 """``trexton simulate``: fly in the virtual room. The flight is recorded as a folder."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, replace
 

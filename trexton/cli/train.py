@@ -1,7 +1,5 @@
 """``trexton train FLIGHT -o MAP``: make a texton map. It says what error to expect."""
 
-from __future__ import annotations
-
 import argparse
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace

@@ -6,8 +6,6 @@ function gives the same values everywhere::
     errors = spread(partial(fly, mission), range(200), "landings")
 """
 
-from __future__ import annotations
-
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -2,8 +2,6 @@
 `machine` for records, and `kept_results`, those of longer runs that are kept with the code.
 """
 
-from __future__ import annotations
-
 import os
 import platform
 import subprocess

@@ -2,8 +2,6 @@
 and walks with a Bluetooth beacon.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

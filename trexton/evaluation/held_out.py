@@ -5,8 +5,6 @@ Histograms of full sampling are drawn anew, as a flight that samples sees them, 
 are given; the dictionary stays.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """How the floor looks in flight, as a role of a method. It is taken as it is, or followed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

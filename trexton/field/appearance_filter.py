@@ -7,8 +7,6 @@ filtering by importance sampling). While frames fit no place, states from all ov
 for a few frames.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import isqrt
 

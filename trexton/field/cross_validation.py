@@ -1,8 +1,6 @@
 """Leave-neighbours-out cross-validation: blocks of a training flight are located by a field of the
 rest. Offers `cross_validate`, which gives the field's hyperparameters and a model of its errors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import astuple
 from functools import partial

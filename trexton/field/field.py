@@ -5,8 +5,6 @@ The residual of a frame at a place follows a Student distribution, so that one o
 no place for good.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

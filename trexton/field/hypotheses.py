@@ -6,8 +6,6 @@ frames share, and the bias of the velocity that comes with the frames; the latte
 first-order Gauss-Markov processes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from trexton.field.likelihood import ErrorModel

@@ -6,8 +6,6 @@ A model of one's own is one file: a subclass of `LinearMotion` that learns in `f
 and `jacobian` as well: the filter is then an extended Kalman filter.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

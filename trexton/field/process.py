@@ -7,8 +7,6 @@ Equations after Rasmussen & Williams, "Gaussian Processes for Machine Learning" 
 own signal variance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -4,8 +4,6 @@
 the original, a line for each.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections import Counter

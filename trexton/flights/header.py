@@ -3,8 +3,6 @@
 `read_header` reads it, with every fault as a sentence; a new key is a line in a table.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import tomllib

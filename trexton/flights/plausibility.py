@@ -4,8 +4,6 @@ Each check is a function that gives a `Doubt` for what is probably not as meant:
 what to do about it, and how that is done where it can be; `warnings` runs all of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Public data, listed in ``data/registry.toml``. It is never trusted without its SHA-256."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

@@ -4,8 +4,6 @@
 gives its columns as texts, numbers or stamps. No pandas: a vehicle has none.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import re

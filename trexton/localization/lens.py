@@ -1,8 +1,6 @@
 """Parts that look at images themselves need the camera and its usual height. Offers both as learned
 from a training flight, and checks on them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from trexton.base.errors import FlightError, MapError

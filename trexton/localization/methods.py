@@ -5,8 +5,6 @@ that all are read. A part of one's own needs no entry: see `trexton.base.plugins
 kind.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

@@ -1,8 +1,6 @@
 """What a frame brings to a filter: the picture, and what a part asks for. Offers `Observation`,
 which computes histograms and the like once and only when asked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cached_property
 

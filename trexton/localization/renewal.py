@@ -4,8 +4,6 @@ Old frames whose place the flight covers, and which it contradicts, are replaced
 and the parts of the method learn anew from what is left and what came.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From settings to a loop that is ready to run. The parts are chosen here and nowhere else."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress

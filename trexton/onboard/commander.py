@@ -1,7 +1,5 @@
 """The landing: the paper's trigger (Sec. Triggered Landing), and what keeps it safe."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from typing import Protocol, runtime_checkable

@@ -2,8 +2,6 @@
 grab, never queued; it is checked for faults of the camera. Attitude, height and velocity of the
 same moment are gathered."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The loop: frame in, `Localizer.step`, position out. What the notebooks evaluate is what flies."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Everything that can be chosen, declared once. The command line is made from these classes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """How the run stands. There is a status line once a second, and the summary at the end."""
 
-from __future__ import annotations
-
 import resource
 import sys
 from collections import deque

@@ -4,8 +4,6 @@ A terminal that sleeps, a pipe nobody reads, a reader that has gone: none of the
 position or end the flight. A thread does the writing; what it cannot keep up with is left out.
 """
 
-from __future__ import annotations
-
 import os
 import queue
 import sys

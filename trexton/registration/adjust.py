@@ -4,8 +4,6 @@ Levenberg-Marquardt on the poses of `trexton.registration.layout`, with a robust
 wrong link does not bend the map.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,8 +1,6 @@
 """The camera's pose to a fraction of a pixel, by optical flow against an expected view. Offers
 `Aligner`, which solves for it by least squares."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import cv2

@@ -2,8 +2,6 @@
 by how well a frame fits, and `ViewMotion`: how the middle of the view moves, by fixes and odometry.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,7 +1,5 @@
 """SIFT keypoints of an image, and the homography between two images that their matches agree on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

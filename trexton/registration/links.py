@@ -4,8 +4,6 @@ A keypoint is looked for only near where it should be. A tiled floor looks the s
 decimetres, and a match that is good but one tile off is the one error that no robust loss can undo.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

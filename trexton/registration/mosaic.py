@@ -5,8 +5,6 @@ adjusted at once over a plane, and the frames are blended; a handful of motion-c
 place the picture in the world.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,8 +1,6 @@
 """What is expected of a frame's pose before it is compared with the floor. Offers `PosePrior`,
 which joins the autopilot's attitude, as far as it agrees, with the frame before."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,8 +1,6 @@
 """How far a frame's fit can be trusted. Offers `Trust`: what is assumed, and how it is learned from
 a flight."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

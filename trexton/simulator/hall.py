@@ -1,8 +1,6 @@
 """The virtual hall: a floor of 5 m x 5 m. Offers `paint_hall`, which paints it from a random
 generator alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

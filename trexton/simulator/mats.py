@@ -5,8 +5,6 @@ Some repeat a motif, which misleads a localizer that sees only one of them; othe
 same thing twice. A mat follows from its size and the generator.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

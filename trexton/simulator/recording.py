@@ -1,8 +1,6 @@
 """A virtual flight is recorded as a person's would be. Offers `record_flight`, which writes a
 Flight folder, and where the vehicle flies: a survey in lanes, or random waypoints."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from itertools import chain, cycle

@@ -1,7 +1,5 @@
 """The virtual room, live. Offers `Simulator`: a vehicle over a floor, and what its camera sees."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

@@ -4,8 +4,6 @@ Velocity follows the goal, tilt the wanted acceleration, and the air pushes; hea
 wander. The equations are integrated in small steps, so that the motion within one exposure is true.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

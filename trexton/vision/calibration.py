@@ -2,8 +2,6 @@
 writes (YAML, JSON), or Kalibr's ``camchain.yaml``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ A state has `STATES` numbers: log gains of brightness, warmth and tint, the head
 log of the height, each relative to what is wanted.
 """
 
-from __future__ import annotations
-
 from math import isqrt
 
 import cv2

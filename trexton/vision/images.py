@@ -6,8 +6,6 @@ representation here. Patches of P x P pixels are cut from it; their position is 
 the top left corner.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterable

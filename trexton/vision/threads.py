@@ -4,8 +4,6 @@ Offers `in_strips` for kernels that release Python's lock, `ahead` for products 
 frames that are decoded in order while others are worked on, and how many cores there are to use.
 """
 
-from __future__ import annotations
-
 import os
 import threading
 from collections import deque

@@ -6,8 +6,6 @@ camera and autopilot (as Kelly and Sukhatme, "A general framework for temporal c
 multiple proprioceptive and exteroceptive sensors", 2014, by their turns). No map is needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ Needs no map. The shift between two frames is found for the whole image at once 
 floor without texture disturb it; light does not.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

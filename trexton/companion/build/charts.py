@@ -1,7 +1,5 @@
 """Figures set into the page itself. So they follow its theme, and weigh less."""
 
-from __future__ import annotations
-
 import base64
 import re
 from collections import Counter

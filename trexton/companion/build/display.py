@@ -1,7 +1,5 @@
 """What became of a step, a line for each. The time that is left is estimated."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Offers `execute`, and `stop_all`, which ends all kernels of this process.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import os

@@ -1,7 +1,5 @@
 """Make a book: flights, experiments, pages, HTML. Only what changed is made again."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

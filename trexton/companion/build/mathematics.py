@@ -1,7 +1,5 @@
 """A Sphinx extension: MathML for mathematics. It is made when the book is built."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -3,8 +3,6 @@
 Offers `Page`, and the names that notebooks ask this module for.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import shlex

@@ -4,8 +4,6 @@ What flights share stands once. What differs is labelled: text one below the oth
 tables as tabs, which need no script. Offers `joined`.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy

@@ -1,7 +1,5 @@
 """Run experiments on flights. What was asked for is checked, and becomes steps of the engine."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import shutil

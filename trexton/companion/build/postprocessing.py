@@ -5,8 +5,6 @@ need (an icon font, a script host), figures go into the page, and every table ca
 keyboard and read on a phone.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -5,8 +5,6 @@ absent stands in ``{% if %}``. The README's table of results is that of the firs
 ``python -m trexton.companion.build.prose`` renews it from ``results``.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial

@@ -1,7 +1,5 @@
 """The report on a flight. It is one printable page of HTML that carries everything it shows."""
 
-from __future__ import annotations
-
 import re
 from importlib.resources import files
 from pathlib import Path

@@ -1,8 +1,6 @@
 """Everything that becomes a page is gathered here: prose with its numbers, notebooks, downloads.
 Sphinx reads the folder that is made."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

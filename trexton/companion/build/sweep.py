@@ -4,8 +4,6 @@ Each cell, one setting on one flight, is a step of the engine: it is run once, h
 and reused while what goes into it is the same.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Iterator, Mapping, Sequence

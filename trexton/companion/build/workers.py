@@ -3,8 +3,6 @@
 Offers `jobs_here`, `callers`, and `connect`, a client of a cluster.
 """
 
-from __future__ import annotations
-
 import resource
 import socket
 import tempfile

@@ -4,8 +4,6 @@ Offers `measure`, which gives a row for each contest of the `STAGES`, and `measu
 on a flight of the virtual room and on maps trained from it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -4,8 +4,6 @@ Offers `interleave`, `Contest`, whose `row` says how a stage compares, a `table`
 `Scene` that stages are timed on.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Errors are those of a replay of the training flight by maps that did not see wha
 (`trexton.evaluation.held_out`), so no test flight has a say. Costs are measured here.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass

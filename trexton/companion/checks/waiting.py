@@ -4,8 +4,6 @@ Offers `answers` and `learning`, stages of `trexton.companion.checks.bench`, aga
 images of the flight once.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """Claims are read from ``data/paper/claims.toml``. The records of each flight judge them."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path

@@ -4,8 +4,6 @@ Offers tables and controls of the ledger as HTML, plain without scripts (how the
 ``ledger.html``), and the map of the paper as Markdown.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from html import escape

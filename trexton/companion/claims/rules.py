@@ -6,8 +6,6 @@ rates and shares of time that the paper took on its own computers. What holds wh
 is *true by construction* and counted apart.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

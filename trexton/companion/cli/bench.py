@@ -1,7 +1,5 @@
 """``trexton bench``: the speed of every stage. Yardsticks of the same run make ratios of it."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from typing import Any

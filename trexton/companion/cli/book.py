@@ -1,7 +1,5 @@
 """``trexton book``: flights, experiments and pages of the book. What has not changed is reused."""
 
-from __future__ import annotations
-
 import argparse
 import time
 

@@ -1,7 +1,5 @@
 """``trexton report FLIGHT --out DIR``: will it work here? A printable page and a small book."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``trexton run``: the experiments on a flight. They leave records, figures and a small book."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``trexton suitability IMAGE... --width M``: will it work over this floor? A picture is enough."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """``trexton sweep PLAN``: an experiment over flights and settings. One command that can resume."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from contextlib import AbstractContextManager, nullcontext

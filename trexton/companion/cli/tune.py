@@ -1,7 +1,5 @@
 """``trexton tune FLIGHT --rate HZ``: settings that suit a flight. They keep the rate here."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@
 record, with all lengths in one unit (`lengths_of`).
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Callable, Iterator
 from typing import Any

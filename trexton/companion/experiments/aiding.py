@@ -4,8 +4,6 @@ A survey and a later flight over one floor, at a height that ripples, are record
 later one is localized by its frames alone, and with the velocity.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import Any

@@ -4,8 +4,6 @@ Every method is flown over the test flight; beside its error stand yardsticks, t
 over the floor, and what limits it. `advice` makes sentences of the record.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

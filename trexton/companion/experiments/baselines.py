@@ -5,8 +5,6 @@ Settings of each have the least error over stretches of the training flight that
 test flight is flown once. Of a single flight the parts are exchanged as well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial

@@ -4,8 +4,6 @@
 with visual odometry. One frame is drawn on its way to a place.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Some become what the authors' flight code of 2016 did, which is public; the pape
 differ. Others become a way that neither took. The record says which (`FLIGHT_CODE`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

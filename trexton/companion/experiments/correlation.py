@@ -3,8 +3,6 @@
 Offers rank correlation over frames (block bootstrap) and over pairs of frames, and Pearson's.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

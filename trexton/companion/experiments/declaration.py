@@ -3,8 +3,6 @@
 Offers `Experiment`, the bases of its parameters (which make its record), and what flights may lack.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@ The vehicle surveys a floor for a while, for twice and for four times as long, e
 that cover all of it, and flies over it later. Paper, Sec. Dataset Generation: one survey.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """What several experiments share. A map is trained, frames are flown, tracks are measured."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

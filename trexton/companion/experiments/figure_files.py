@@ -3,8 +3,6 @@
 A page shows the layout that fits its width; the words keep their size in both.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from typing import Any

@@ -4,8 +4,6 @@ Beyond the paper. The recorded flight on two maps of its floor; virtual flights 
 nothing was tuned, repeating ones among them; kidnappings. Times are those of the processor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial

@@ -6,8 +6,6 @@ times tilt from the point below the vehicle; the method does not know the tilt, 
 part of its error, as it was in the paper.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -2,8 +2,6 @@
 is registered to the mosaic, without a filter.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -2,8 +2,6 @@
 Method"). The map never sees motion capture.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

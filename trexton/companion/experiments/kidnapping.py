@@ -5,8 +5,6 @@ somewhere far away. How long does the filter take to follow, does it say that it
 and how often does it say so for nothing?
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial

@@ -4,8 +4,6 @@ All that are compared fly the same flight, frame by frame; each lands a vehicle 
 the mission over a flight's floor, `fly_all`, and landings drawn about the centre of their zone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field

@@ -2,8 +2,6 @@
 predict errors?
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ with Student's t. Nothing is aligned before it is compared: estimates and ground
 share one frame of reference.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -2,8 +2,6 @@
 error of the filter and of its neighbours.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import Any

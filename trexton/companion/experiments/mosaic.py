@@ -3,8 +3,6 @@
 Offers the maps of a flight, and where they put its frames, to the homography experiments too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The paper's published numbers. They are read from ``data/paper/published.toml``."""
 
-from __future__ import annotations
-
 import tomllib
 from functools import lru_cache
 from pathlib import Path

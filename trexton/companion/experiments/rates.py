@@ -4,8 +4,6 @@ Intervals of 95 %: Wilson's score for rates, also where trials come in clusters,
 means.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

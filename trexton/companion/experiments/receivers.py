@@ -6,8 +6,6 @@ others and refuse innovations beyond their gate. Neither couples the axes where 
 so each axis is a filter of two states.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -13,8 +13,6 @@ beside it; it is an entry point of the group ``trexton.experiments`` (name to mo
 is named in ``$TREXTON_PLUGINS``.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 

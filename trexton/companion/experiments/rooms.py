@@ -6,8 +6,6 @@ counts is the error, and whether a method that is wrong calls itself lost. The p
 heading and height as limits (Discussion).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any

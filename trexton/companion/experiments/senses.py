@@ -3,8 +3,6 @@
 The public Bluetooth walks take the place of the flight; training and defaults are as for textons.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from trexton.base.errors import DataError

@@ -6,8 +6,6 @@ Throughout, `histograms` is ``(N, K)``, `positions` is ``(N, 2)`` in metres, `si
 and raises `ParameterError` unless it is positive.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import cKDTree
 

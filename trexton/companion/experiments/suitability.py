@@ -5,8 +5,6 @@ another survey to measure. A good predictor ranks floors as they will turn out, 
 the centimetres; the paper's loss stands beside it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial

@@ -3,8 +3,6 @@
 A `Bench` holds the map and the decoded test flight that all of them share.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cached_property, partial
 from itertools import product

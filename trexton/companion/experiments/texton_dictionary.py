@@ -2,8 +2,6 @@
 and how well they fit.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import islice
 

@@ -4,8 +4,6 @@ Beyond the paper. Each flight is flown once, and all that are compared see its f
 filter with the paper's trigger, and the methods beside it with one that predicts the touchdown.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -4,8 +4,6 @@ Discussion).
 `trexton.companion.experiments.sweeps` flies; here are the record, its headlines and its figures.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -4,8 +4,6 @@ The vehicle flies at random until the paper's filter believes it in the zone, an
 the same flights with the true position show what landing itself costs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import Any

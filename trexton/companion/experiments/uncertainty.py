@@ -4,8 +4,6 @@ Consistency (NEES) and empirical coverage of several methods over one test fligh
 of receivers like EKF2 and EKF3 that fuse their reports with simulated accelerometers.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

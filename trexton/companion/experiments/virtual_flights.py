@@ -4,8 +4,6 @@ The prediction is the mean error of method `field` itself on such flights, under
 the field predicts of single frames does not include that it may take one place for another.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path

@@ -3,8 +3,6 @@
 Offers `replay` of an experiment, `record_replay` of any localizers, and the page, `player_html`.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -5,8 +5,6 @@ looks like its own (``recognises(path)``) and reads it (``read(path, settings) -
 Command line, checks and the table in the documentation are made from these.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Protocol, cast
 

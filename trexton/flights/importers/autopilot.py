@@ -4,8 +4,6 @@
 `read_log` reads a file by its suffix, in metres east and north, with yaw anticlockwise from north.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Callable, Iterator

@@ -4,8 +4,6 @@
 matrix. `looks_away` says where the camera then looks, `readings` which others look down.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """ROS 1 and ROS 2 bags. An image topic is read, and one of poses or odometry."""
 
-from __future__ import annotations
-
 import re
 import sqlite3
 from collections.abc import Callable, Iterator

@@ -3,8 +3,6 @@
 `read_shot` reads a file.
 """
 
-from __future__ import annotations
-
 import re
 from contextlib import suppress
 from dataclasses import dataclass

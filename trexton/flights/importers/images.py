@@ -1,7 +1,5 @@
 """The images of an import. They are undistorted, cropped, scaled, and written."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -2,8 +2,6 @@
 features. A class each, with the options and functions that an importer has.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -4,8 +4,6 @@
 table, with what they mean as options of `TrackColumns`.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Callable

@@ -2,8 +2,6 @@
 latitudes, a log of an autopilot, or a reconstruction (COLMAP, OpenSfM).
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

@@ -4,8 +4,6 @@
 autopilots' logs and subtitles by how a file begins.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

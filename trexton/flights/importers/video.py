@@ -2,8 +2,6 @@
 clocks is given, or found by their motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

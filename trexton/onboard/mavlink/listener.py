@@ -3,8 +3,6 @@
 Times are seconds of the steady clock.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections import deque
 from operator import itemgetter

@@ -5,8 +5,6 @@ none. What PX4 and ArduPilot do with the fields was read in their sources; the b
 autopilots tells it.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 Times are seconds of the steady clock. All of it is called under the sink's lock.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any
 

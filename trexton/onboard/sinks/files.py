@@ -4,8 +4,6 @@ All write whole lines by `FileSink`, into a file that grows while the vehicle fl
 standard output. Whoever derives from it says in `write` which line a fix is.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """Recordings as a source. A flight is played as often as asked for, at once or at its own pace."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Live cameras as a source. Any URL, pipe or device that OpenCV opens will do (`StreamSource`)."""
 
-from __future__ import annotations
-
 import re
 import stat
 import time
