@@ -129,8 +129,7 @@ def _heights(flight: Flight) -> Iterator[str]:
     if flight.height is None or not (known := np.isfinite(flight.height)).any():
         return
     height, rows = flight.height[known], np.flatnonzero(known)
-    usual = float(np.median(height))
-    below = height < 0
+    usual, below = float(np.median(height)), height < 0
     if not height.any():
         yield Doubt(
             f"all {len(rows)} heights are 0: write metres above the floor, or leave z_m out",
@@ -256,8 +255,7 @@ def _stamps(flight: Flight) -> Iterator[str]:
 def _splits(flight: Flight) -> Iterator[str]:
     if {"train", "test"} <= set(flight.split):
         (first, last), (begin, end) = flight.split["train"], flight.split["test"]
-        common = min(last, end) - max(first, begin) + 1
-        if common > 0:
+        if (common := min(last, end) - max(first, begin) + 1) > 0:
             yield (
                 f"splits train and test share {count_of(common, 'frame')}: what was trained on "
                 "proves nothing, part them"
