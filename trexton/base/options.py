@@ -11,6 +11,8 @@ the dataclass (`trexton.base.arguments`)::
     Parameters.parse({"particles": "80"})  # text, as typed after --set particles=
 """
 
+from __future__ import annotations
+
 import ast
 import math
 import operator

@@ -5,6 +5,8 @@ Reading collects every fault with its file and row; `read_flight` raises on the 
 check` prints them all.
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -3,6 +3,8 @@
 `write_flight` writes it whole or not at all, `write_tables` all but its images.
 """
 
+from __future__ import annotations
+
 import csv
 import json
 import os

@@ -1,6 +1,8 @@
 """What one step of the localizer gives. Offers `Estimate`, and the `Measurement` that an autopilot
 may fuse."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

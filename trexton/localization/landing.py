@@ -1,6 +1,8 @@
 """Land where the position says so (paper, Analysis, "Triggered Landing"). Offers the zone with its
 trigger, and one that weighs where the vehicle would touch down."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -1,6 +1,8 @@
 """Algorithm 1 of the paper over the trained parts of a map. Offers `Localizer`, frame in, estimate
 out: the same in flight as in a notebook."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property

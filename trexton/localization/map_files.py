@@ -1,6 +1,8 @@
 """A map is a file of arrays, read without trust: sizes first, then all that flight needs. Offers
 `save_map`, `load_map` and their halves without a file."""
 
+from __future__ import annotations
+
 import io
 import json
 import os

@@ -1,6 +1,8 @@
 """A measurement model says how likely an observation is at each place. Offers the paper's mixture
 over nearest neighbours, and covariances by rank."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 

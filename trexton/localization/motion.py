@@ -3,6 +3,8 @@
 A state's first two columns need not be its position: `MotionModel.position` says where it is.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 

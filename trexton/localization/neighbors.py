@@ -5,6 +5,8 @@ Exact; equal distances rank by index. A distance that is the plain Euclidean one
 gives those, for the fast search; any other gives its values. Training measures as flight does.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

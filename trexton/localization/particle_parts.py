@@ -5,6 +5,8 @@ The paper draws by a wheel, takes the maximum a posteriori, and has no recovery:
 they have gathered its particles can only walk.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

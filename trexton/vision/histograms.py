@@ -9,6 +9,8 @@ Full sampling runs in a compiled kernel (`trexton.vision.kernels`). A few hundre
 stay with NumPy: there numba would gain less than it costs to load.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from trexton.base.defaults import SAMPLES

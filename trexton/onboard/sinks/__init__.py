@@ -5,6 +5,8 @@ An address is ``KIND`` or ``KIND:REST``. A sink is one file with its class, its 
 options, and its line here; one of a person's own needs no line (`trexton.base.plugins`).
 """
 
+from __future__ import annotations
+
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
