@@ -184,3 +184,11 @@ def test_histograms_that_came_with_a_dictionary_are_of_whole_images(rng):
     flight = histogram_flight("flight", frames=120)
     known = train_map(flight, method="field", dictionary=words, rng=rng)
     assert known.cells == 1 and len(known.parts["measurement"].offsets) == 1
+
+
+def test_boards_that_look_alike_along_their_length_are_measured_across_them(rng):
+    places, time = lanes(0.9)
+    offsets = np.array([(c - 0.5, 0.75 * (0.5 - r)) for r in (0, 1) for c in (0, 1)])
+    boards = [look(2.5 * (places + offset) * [1.0, 0.02], rng) for offset in offsets]
+    found = Tiles.of(places, roots(np.hstack(boards) / 4), time, 0.75)
+    np.testing.assert_allclose(found.offsets, offsets, atol=0.03)

@@ -9,6 +9,7 @@ from small_room import random_walk
 from small_survey import AREA, errors_of, look, observed, path
 
 from trexton.base.errors import ParameterError
+from trexton.field.recent import RecentFrames
 from trexton.field.tracks import TrackFilter, Tracks
 from trexton.flights.aiding import Aiding
 from trexton.localization.methods import fitting
@@ -317,3 +318,14 @@ def test_nees_is_in_its_band_where_the_model_is_true(field, motion, monkeypatch)
     low, high = chi2.ppf((0.0005, 0.9995), 2 * len(nees)) / len(nees)
     assert len(nees) > 100 and low < nees.mean() < high
     assert not low < nees.mean() * 1.33**2 < high and not low < nees.mean() / 1.33**2 < high
+
+
+def test_recent_frames_together_tell_a_path_from_one_that_each_frame_takes_for_it(field):
+    recent, path = RecentFrames(field, 0.08), np.column_stack([np.linspace(1, 2, 30), np.ones(30)])
+    for row, place in enumerate(path):
+        recent.move(place - path[max(row - 1, 0)])
+        other = [0.5 + 0.1 * (row % 3), 2.5]  # fits a little better, but does not move like it
+        likely = [-np.square(field.centers - each).sum(axis=1) / 0.02 for each in (place, other)]
+        recent.add(np.logaddexp(likely[0], likely[1] + 0.5))
+    near, far = recent.near(np.array([path[-1], [0.6, 2.5]]), 0.4)
+    assert near > 0.9 > 0.1 > far

@@ -115,7 +115,10 @@ class Field(MeasurementModel):
         if offsets is not None and len(offsets) in (1, parts):
             tiles = Tiles(offsets)
         else:
-            tiles = Tiles.of(places, features.reshape(len(features), parts, -1), training.time)
+            by_tile, flight = features.reshape(len(features), parts, -1), training.flight
+            shape = flight.image(0).shape if flight is not None and flight.has_images else None
+            ratio = None if shape is None else shape[0] / shape[1]
+            tiles = Tiles.of(places, by_tile, training.time, ratio)
         parts = len(tiles.offsets)
         values = features.reshape(len(features) * parts, -1)
         middle = values.mean(axis=0)

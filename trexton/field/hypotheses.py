@@ -169,13 +169,9 @@ class Hypotheses:
         prior[:2, order:-2] = prior[order:-2, :2] = -self.error_variance
         self._append(state[None], prior[None], np.zeros(1))
 
-    def prune(self, log_weights: np.ndarray) -> int:
-        """Keep the best that differ, with weights summing to one.
-
-        Returns
-        -------
-        int
-            Which row the best was before.
+    def prune(self, log_weights: np.ndarray, held: float = 1.0) -> int:
+        """Keep the best that differ, with weights summing to one; which row the best was before.
+        The one that was the best stays first while its weight is at least `held`.
         """
         kept: list[int] = []
         apart, speed = 0.25 * self.radius, 0.5 * float(self.motion.speed)
@@ -191,6 +187,9 @@ class Hypotheses:
         weights = np.exp(log_weights[kept] - log_weights[kept[0]])
         rows = np.array(kept)[weights > NEGLIGIBLE_WEIGHT]
         weights = weights[weights > NEGLIGIBLE_WEIGHT]
+        weights /= weights.sum()
+        order = np.argsort((rows > 0) | (weights < held), kind="stable")
+        rows, weights = rows[order], weights[order]
         self.states, self.covariances = self.states[rows], self.covariances[rows]
-        self.outliers, self.weights = self.outliers[rows], weights / weights.sum()
-        return kept[0]
+        self.outliers, self.weights = self.outliers[rows], weights
+        return int(rows[0])

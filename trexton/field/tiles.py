@@ -44,22 +44,18 @@ class Tiles:
     offsets: np.ndarray
 
     @classmethod
-    def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray) -> Tiles:
-        """As a training flight shows by itself, without camera and height.
+    def of(
+        cls, places: np.ndarray, features: np.ndarray, time: np.ndarray, ratio: float | None = None
+    ) -> Tiles:
+        """As a training flight shows by itself, without camera and height: ``(N, 2)`` places in
+        metres, features ``(N, C, k)`` of each of the C tiles, and ``(N,)`` seconds.
 
         Two frames of which one shows to the left what the other shows to the right are as far from
         each other as these two tiles. The predictive density of left-out blocks says how far that
         is exactly, and whether one field of the ground predicts them at all: better than a field
-        for each tile, and better than one place for all tiles, as of a camera that turned.
-
-        Parameters
-        ----------
-        places : (N, 2) array
-            Metres.
-        features : (N, C, k) array
-            Of each of the C tiles.
-        time : (N,) array
-            Seconds.
+        for each tile, and better than one place for all tiles, as of a camera that turned. With the
+        `ratio` of the images' height to their width, whose pixels are square, boards that look
+        alike along their length are measured across them.
         """
         whole, parts = cls(np.zeros((1, 2))), features.shape[1]
         if parts == 1 or parts > MAX_TILES:
@@ -81,20 +77,25 @@ class Tiles:
             process = Process(tiles.places(places), values - values.mean(axis=0), length)
             return nlpd(process, of_tiles if len(tiles.offsets) > 1 else blocks)[0]
 
+        free = np.eye(4)  # both steps, as a linear function of what is sought
+        if ratio is not None:
+            down = -ratio * np.sign(np.linalg.det(steps))
+            free = np.array([[1, 0], [0, 1], [0, down], [-down, 0]])
+        start = np.linalg.lstsq(free, steps.ravel())[0]
         size = max(float(np.abs(steps).max()), 1e-3)
-        corners = size * SIMPLEX_SIZE * np.vstack([np.zeros(4), np.eye(4)])
+        corners = size * SIMPLEX_SIZE * np.eye(len(start) + 1, len(start), -1)
         best = minimize(
-            lambda steps: density(cls.apart(steps.reshape(2, 2), parts)),
-            steps.ravel(),
+            lambda sought: density(cls.apart((free @ sought).reshape(2, 2), parts)),
+            start,
             method="Nelder-Mead",
             options={
-                "initial_simplex": steps.ravel() + corners,
+                "initial_simplex": start + corners,
                 "xatol": TOLERANCE * size,
                 "fatol": TOLERANCE,
                 "maxfev": MAX_EVALUATIONS,
             },
         )
-        fitted = cls.apart(best.x.reshape(2, 2), parts)
+        fitted = cls.apart((free @ best.x).reshape(2, 2), parts)
         return fitted if best.fun < min(density(whole), density(together)) - MIN_GAIN else whole
 
     @classmethod

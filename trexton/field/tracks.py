@@ -21,6 +21,7 @@ from trexton.field.field import Field
 from trexton.field.hypotheses import BIAS_SIGMA, CLUTTER_PROBABILITY, Hypotheses
 from trexton.field.likelihood import peaks
 from trexton.field.linear_motion import LinearMotion
+from trexton.field.recent import RecentFrames
 from trexton.localization.base import Area
 from trexton.localization.estimate import Estimate, Measurement, nowhere
 from trexton.localization.filters import Filter
@@ -35,9 +36,10 @@ LOST_PROBABILITY = 0.05  # of being elsewhere, from which the vehicle is lost
 LOST_FRAMES = 3  # that support no hypothesis, after which it is lost
 # Average normalized residual from which on it is lost: of whole images at their best place, of
 # tiles, which tell more, at the estimate.
-NOVELTY_THRESHOLD, TILE_NOVELTY_THRESHOLD = 2.5, 1.0
-# Of tiles, times as large where the field expects a single frame to err by fewer cells than this.
-DISTINCT_NOVELTY, DISTINCT_CELLS = 1.5, 2.0
+NOVELTY_THRESHOLD, TILE_NOVELTY_THRESHOLD = 2.5, 1.4
+HELD_WEIGHT = 0.01  # of the best hypothesis, down to which another takes not its place
+LEAST_WEIGHT = 1e-9  # of a place, or among those that share one
+AMBIGUOUS_PROBABILITY = 0.1  # of being elsewhere by the latest frames together, likewise
 CONFIRMED_S = 1.0  # for which tiles must support a track until it is taken for the vehicle's
 INFLATION_RESIDUAL = 0.8  # normalized residual from which the correlated error is inflated
 TEMPERING = 4.0  # power of a normalized residual above 1 that flattens the likelihood of tiles
@@ -88,14 +90,16 @@ class TrackFilter:
         self._independent_s = errors.independent_s(period_s)
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
+        self._recent = RecentFrames(measurement, period_s)
         self.reset()
 
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.hypotheses.clear()
+        self._recent.reset()
+        self._remembers = False  # what frames said together, once it is known how they moved
         self._unsupported = 0  # frames on end that did not support the best hypothesis
         self._supported = 0  # frames that did, since it was last in doubt
-        self._threshold = self._novelty
         self._residual = 0.5  # average of the latest frames, see `Field.normalized_residual`
         self._bias: np.ndarray | None = None  # m/s
 
@@ -105,6 +109,8 @@ class TrackFilter:
         hypotheses = self.hypotheses
         if observation is None:
             hypotheses.predict()
+            if self._remembers:
+                self._recent.move(self._moved)
             return
         by_frame = log_posterior = self.measurement.log_posterior(observation)
         best = hypotheses.states[:1]
@@ -126,26 +132,52 @@ class TrackFilter:
         hypotheses.predict()
         if velocity is not None:
             hypotheses.update_velocity(velocity, sigma**2 * np.eye(2))
+            self._remembers = self._tiles and observation.motion_seen
+        if self._remembers:
+            self._recent.move(self._moved)
+            if observation.familiar:
+                self._recent.add(log_posterior)
         birth = np.log(BIRTH_PROBABILITY) if len(hypotheses) else 0.0
         evidence, supported = self._update_frame(cells, shares)
         log_weights = np.log(hypotheses.weights) + self._log_chance(evidence, velocity is not None)
         masses = []
+        if self._remembers:
+            cells, shares = self.measurement.centers, self._recent.shares
         for mean, covariance, mass in peaks(cells, shares, 2 * hypotheses.radius):
             covariance = covariance + self._rounding + self._white
             far = np.hypot(*(supported - mean).T) >= hypotheses.radius
             if far.all():
                 hypotheses.give_birth(mean, covariance)
                 masses.append(mass)
+                supported = np.vstack([supported, mean])
         log_weights = np.concatenate([log_weights, np.log(masses) + birth])
         if not len(log_weights):  # the frame supports no place, nor did one before
             return
-        if hypotheses.prune(log_weights) != 0:
+        if self._remembers:
+            log_weights = self._weighed(log_weights, supported)
+        if hypotheses.prune(log_weights, HELD_WEIGHT if self._remembers else 1.0) != 0:
             self._unsupported = 0
         self._judge(observation, by_frame, before)
         if velocity is not None and hypotheses.biased[0]:
             self._bias = hypotheses.states[0, -2:].copy()
         elif measured is not None and velocity is None:
             self._bias = measured - hypotheses.states[0, 2:4]
+
+    @property
+    def _moved(self) -> np.ndarray:
+        """``(2,)`` metres in a frame, as the best hypothesis has it."""
+        return self._period_s * self.hypotheses.states[:1, 2:4].sum(axis=0)
+
+    def _weighed(self, log_weights: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """``(T,)`` log weights of hypotheses at ``(T, 2)`` places: of each place what the latest
+        frames give it, of those that share it by their weights.
+        """
+        radius = self.hypotheses.radius
+        apart, weights = places[:, None] - places, np.exp(log_weights - log_weights.max())
+        near = np.hypot(apart[..., 0], apart[..., 1]) < radius
+        shared = np.maximum(self._recent.near(places, radius), LEAST_WEIGHT)
+        result: np.ndarray = np.log(shared * np.maximum(weights / (near @ weights), LEAST_WEIGHT))
+        return result
 
     def _judge(
         self, observation: Observation, log_posterior: np.ndarray, before: np.ndarray
@@ -161,9 +193,6 @@ class TrackFilter:
         residual = self.measurement.normalized_residual(observation, log_posterior)
         residual = min(residual, RESIDUAL_LIMIT * self._novelty)
         self._residual += (residual - self._residual) * self._residual_gain
-        expected = float(self.measurement.predicted_error(best[None])[0])
-        distinct = self._tiles and expected < DISTINCT_CELLS * self.measurement.cell
-        self._threshold = self._novelty * (DISTINCT_NOVELTY if distinct else 1.0)
         jumped = (np.hypot(*(best - before).T) > 2 * self.hypotheses.radius).all()
         self._supported = 0 if jumped or self._doubtful() else self._supported + 1
 
@@ -171,10 +200,12 @@ class TrackFilter:
         """Whether other hypotheses may be right, or the frames are unlike the survey there."""
         states, weights = self.hypotheses.states, self.hypotheses.weights
         elsewhere = np.hypot(*(states[:, :2] - states[0, :2]).T) > 2 * self.hypotheses.radius
+        here = self._recent.near(states[:1, :2], self.hypotheses.radius)
         return bool(
-            weights[elsewhere].sum() > LOST_PROBABILITY
+            (self._remembers and 1 - here > AMBIGUOUS_PROBABILITY)
+            or weights[elsewhere].sum() > LOST_PROBABILITY
             or self._unsupported >= LOST_FRAMES
-            or self._residual > self._threshold
+            or self._residual > self._novelty
         )
 
     def _gated(self, measured: np.ndarray, sigma: float) -> np.ndarray | None:
@@ -183,14 +214,9 @@ class TrackFilter:
         return measured if np.abs(measured).max() <= VELOCITY_GATE_SIGMA * usual else None
 
     def _update_frame(self, cells: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Update by the frame's likelihood `shares` ``(M,)`` over `cells` ``(M, 2)``.
-
-        Returns
-        -------
-        evidence : (T,) array
-            Of the frame for each hypothesis, against a place drawn from the whole area.
-        supported : (T, 2) array
-            Where they take it to have been taken.
+        """Update by the frame's likelihood `shares` ``(M,)`` over `cells` ``(M, 2)``; its ``(T,)``
+        evidence for each hypothesis, against a place drawn from the whole area, and the ``(T, 2)``
+        places where they take it to have been taken.
         """
         hypotheses = self.hypotheses
         if not len(hypotheses):

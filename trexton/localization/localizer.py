@@ -198,9 +198,10 @@ class Localizer:
         self._check(frame)
         if self._odometry is not None and frame.ndim > 1:
             aiding = self._odometry.aid(frame, aiding, time)
+        given = aiding
         if self._appearance is not None and frame.ndim > 1:
             aiding = self._appearance.aid(frame, aiding)
-        return Observation(
+        observation = Observation(
             None if frame.ndim == 1 else frame,
             aiding=aiding,
             time=time,
@@ -208,6 +209,8 @@ class Localizer:
             histogram=lambda: self._histogram(frame, aiding),
             neighbors=self._neighbors,
         )
+        observation.motion_seen = aiding is not given
+        return observation
 
     def _check(self, frame: np.ndarray) -> None:
         width = self.map.histograms.shape[1]

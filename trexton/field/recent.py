@@ -1,0 +1,55 @@
+"""What the latest frames say together of where the vehicle is, cell by cell: places that look alike
+in a frame seldom do so along a path.
+
+Frames that follow each other err alike, so each counts as a small part of one (power likelihood),
+and all are forgotten in time. The sum moves with the vehicle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trexton.field.field import Field
+from trexton.field.likelihood import bilinear
+
+MEMORY_S = 6.0  # time constant of forgetting
+POWER = 0.06  # of a frame's likelihood
+RANGE = 20.0  # log likelihoods this far below the best count as this
+
+
+class RecentFrames:
+    """A log posterior over the cells of a `Field`, of the latest frames."""
+
+    def __init__(self, field: Field, period_s: float):
+        self._field, self._kept = field, np.exp(-period_s / MEMORY_S)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all."""
+        self._log, self._beyond = np.zeros(len(self._field.centers)), np.zeros(2)
+
+    def move(self, metres: np.ndarray) -> None:
+        """The vehicle moved so many ``(2,)`` metres: by whole cells, the rest is kept."""
+        field, self._beyond = self._field, self._beyond + metres
+        whole = np.round(self._beyond / field.cell) * field.cell
+        if whole.any():
+            self._beyond = self._beyond - whole
+            self._log = bilinear(self._log.reshape(field.shape), field.area, field.centers - whole)
+
+    def add(self, log_posterior: np.ndarray) -> None:
+        """One more frame, by its ``(M,)`` log posterior."""
+        total = self._kept * self._log + POWER * log_posterior
+        self._log = np.maximum(total - total.max(), -RANGE)
+
+    @property
+    def shares(self) -> np.ndarray:
+        """``(M,)`` probabilities of the cells."""
+        shares = np.exp(self._log)
+        result: np.ndarray = shares / shares.sum()
+        return result
+
+    def near(self, places: np.ndarray, radius: float) -> np.ndarray:
+        """``(T,)`` probabilities that the vehicle is within so many metres of ``(T, 2)`` places."""
+        apart = self._field.centers - places[:, None]
+        result: np.ndarray = (np.hypot(apart[..., 0], apart[..., 1]) < radius) @ self.shares
+        return result
