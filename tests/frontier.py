@@ -26,12 +26,13 @@ from trexton.base.streams import stream
 from trexton.companion.executor import limited_threads
 from trexton.companion.experiments import baselines
 from trexton.companion.experiments.floors import mean_over_floors, painted_floor
+from trexton.companion.experiments.homography import HomographyLocalizer
 from trexton.companion.experiments.metrics import euclidean
 from trexton.flights import Flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.methods import make
 from trexton.localization.training import for_method, full_histograms, train_map, with_parts
-from trexton.registration.homography import HomographyLocalizer, find_homography
+from trexton.registration.homography import find_homography
 from trexton.simulator import Floor, record_flight
 from trexton.vision.camera import MapImage, transform_points
 from trexton.vision.histograms import sampled_histogram

@@ -1,5 +1,6 @@
 """Baselines: each regression does what its name says, and the verdict follows the records."""
 
+import frontier
 import numpy as np
 import pytest
 from small_room import histogram_flight
@@ -70,6 +71,7 @@ def test_a_name_hides_no_other_where_there_is_room():
 
 def test_the_kept_peers_can_be_drawn():
     kept = notebook.reference("frontier")
+    assert kept.values["labels"] == frontier.LABELS
     labels = kept.values["labels"]
     assert kept.values["floors"] == 10 and set(kept.timings["step_ms"]) == set(labels)
     (plot,) = baselines.frontier(kept, labels).axes
