@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import dask
+import distributed  # noqa: F401  its defaults come first: a block of settings would drop them
 import numpy as np
 import pytest
 from conftest import small_flight

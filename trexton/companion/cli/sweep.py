@@ -58,5 +58,6 @@ def _reaching_cluster(arguments: argparse.Namespace) -> AbstractContextManager[o
             f"files of TLS, but --cluster {arguments.cluster}: expected an address tls://HOST:PORT"
         )
     import dask
+    import distributed  # noqa: F401  its defaults come first: leaving the block would drop them
 
     return dask.config.set(named)
