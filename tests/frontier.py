@@ -1,6 +1,6 @@
 """Error against the CPU time of a frame, over painted floors: methods and peers on equal frames.
 
-``make frontier`` writes ``data/reference/frontier.json``, which the page of the baselines draws.
+``make frontier`` writes ``data/reference/frontier.json``, which the page of the trade-offs draws.
 The time is that of one thread from a decoded image to a position. Keypoints are searched in every
 fifth frame, on the true picture of the floor; where they give no position, the last one stands.
 """
