@@ -13,7 +13,8 @@ from conftest import ROOT, small_flight
 
 from trexton.base.records import Record
 from trexton.companion.build import notebook
-from trexton.companion.experiments import baselines, suitability
+from trexton.companion.experiments import suitability
+from trexton.companion.experiments.trade_off import run as fly_trade_off
 
 PAGES = {
     path.stem: path.read_text(encoding="utf-8")
@@ -21,14 +22,13 @@ PAGES = {
     if re.search(r"notebook\.(reference|swept)\(", path.read_text(encoding="utf-8"))
 }
 
+SMALL = {"trade_off": {"repeats": 1, "stored": 1000}}
+
 
 def kept_record(name: str, given: notebook.Given) -> Record:
     """In place of the page's own run: nothing is flown here."""
-    if name == "baselines":
-        flight, parameters = small_flight(), baselines.Parameters(repeats=1, trees=2)
-        values, step_ms = baselines.compare(flight, flight, parameters)
-        values["exchanged"] = None
-        return parameters.record(flight, values=values, timings={"step_ms": step_ms})
+    if name == "trade_off":
+        return fly_trade_off(small_flight(), small_flight(), given.parameters)
     if name != "suitability":
         record = notebook.reference(name)
         assert record is not None
@@ -53,6 +53,7 @@ def test_the_page_can_show_what_is_kept(name, tmp_path, monkeypatch):
         exec(compile(cell.source, f"{name}.md", "exec"), names)
         if "parameters" in cell.metadata.get("tags", ()):
             names["out"] = str(tmp_path)
+            names |= SMALL.get(name, {})
     assert names.get("reference") or names.get("kept")
 
 
