@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from trexton.base.defaults import SAMPLES
-from trexton.base.files import atomic_file
+from trexton.base.files import write_file
 from trexton.base.progress import say
 from trexton.base.streams import stream
 from trexton.companion.executor import limited_threads
@@ -166,6 +166,5 @@ def measure(floors: int, survey: int, frames: int) -> Any:
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         made = measure(FLOORS, SURVEY, FRAMES).save(Path(folder))
-        with atomic_file(OUT / "frontier.json") as kept:
-            kept.write(made.read_text(encoding="utf-8"))
+        write_file(OUT / "frontier.json", made.read_text(encoding="utf-8"))
     sys.exit()

@@ -5,6 +5,7 @@ import glob
 import hashlib
 import json
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -18,6 +19,8 @@ import numpy as np
 from trexton.base.errors import FlightError, ParameterError, TrextonError
 
 LARGEST = 2**30  # bytes of a text: more is a mistake, or meant to fill the memory
+# A key of TOML in many parts: to parse it takes the square of them.
+_LONG_KEY = r"""(?<![\w-])(([\w-]++|"(\\.|[^"\\\n])*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){30}"""
 
 
 @contextmanager
@@ -234,3 +237,17 @@ def read_text(path: Path) -> str:
         return read_bytes(path, LARGEST, "a text file", FlightError).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FlightError(f"{path}: not a text file ({error}): write it as UTF-8") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """What is in a TOML file; raises `FlightError` where it cannot be read."""
+    import tomllib
+
+    text = read_text(path)
+    try:
+        if re.search(_LONG_KEY, text):
+            raise ValueError("a key has more than 30 parts")
+        repr(content := tomllib.loads(text))  # what cannot be said is refused here
+    except (ValueError, RecursionError) as error:  # TOML's own, or a number of too many digits
+        raise FlightError(f"{path}: not valid TOML ({error}): correct it") from None
+    return content

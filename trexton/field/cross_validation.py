@@ -156,11 +156,14 @@ def _located(
         residuals[rows] = better_half(squared)
         apart = np.square(places[rows][:, None] - centers).sum(axis=2)
         variances[rows] = variance[apart.argmin(axis=1)]
-        far = False if counted else apart > np.maximum(apart.min(axis=1, keepdims=True), reach**2)
-        for found, kept in ((errors, posterior), (own, np.where(far, -np.inf, posterior))):
+        kinds = [(errors, posterior)]
+        if not counted:
+            far = apart > np.maximum(apart.min(axis=1, keepdims=True), reach**2)
+            kinds.append((own, np.where(far, -np.inf, posterior)))
+        for found, kept in kinds:
             shares = np.exp(kept - kept.max(axis=1, keepdims=True))
             found[rows] = shares / shares.sum(axis=1, keepdims=True) @ centers - places[rows]
-    return errors, own, variances, residuals
+    return errors, errors if counted else own, variances, residuals
 
 
 def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:

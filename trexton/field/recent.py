@@ -26,7 +26,12 @@ class RecentFrames:
 
     def reset(self) -> None:
         """Forget all."""
-        self._log, self._beyond = np.zeros(len(self._field.centers)), np.zeros(2)
+        self._beyond = np.zeros(2)
+        self._set(np.zeros(len(self._field.centers)))
+
+    def _set(self, log: np.ndarray) -> None:
+        self._log, shares = log, np.exp(log)
+        self.shares: np.ndarray = shares / shares.sum()  # (M,) probabilities of the cells
 
     def move(self, metres: np.ndarray) -> None:
         """The vehicle moved so many ``(2,)`` metres: by whole cells, the rest is kept."""
@@ -34,22 +39,15 @@ class RecentFrames:
         whole = np.round(self._beyond / field.cell) * field.cell
         if whole.any():
             self._beyond = self._beyond - whole
-            self._log = bilinear(self._log.reshape(field.shape), field.area, field.centers - whole)
+            log = self._log.reshape(field.shape)
+            self._set(bilinear(log, field.area, field.centers - whole))
 
     def add(self, log_posterior: np.ndarray) -> None:
         """One more frame, by its ``(M,)`` log posterior."""
         total = self._kept * self._log + POWER * log_posterior
-        self._log = np.maximum(total - total.max(), -RANGE)
-
-    @property
-    def shares(self) -> np.ndarray:
-        """``(M,)`` probabilities of the cells."""
-        shares = np.exp(self._log)
-        result: np.ndarray = shares / shares.sum()
-        return result
+        self._set(np.maximum(total - total.max(), -RANGE))
 
     def near(self, places: np.ndarray, radius: float) -> np.ndarray:
         """``(T,)`` probabilities that the vehicle is within so many metres of ``(T, 2)`` places."""
         apart = self._field.centers - places[:, None]
-        result: np.ndarray = (np.hypot(apart[..., 0], apart[..., 1]) < radius) @ self.shares
-        return result
+        return (np.hypot(apart[..., 0], apart[..., 1]) < radius) @ self.shares

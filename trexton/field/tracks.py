@@ -176,8 +176,7 @@ class TrackFilter:
         apart, weights = places[:, None] - places, np.exp(log_weights - log_weights.max())
         near = np.hypot(apart[..., 0], apart[..., 1]) < radius
         shared = np.maximum(self._recent.near(places, radius), LEAST_WEIGHT)
-        result: np.ndarray = np.log(shared * np.maximum(weights / (near @ weights), LEAST_WEIGHT))
-        return result
+        return np.log(shared * np.maximum(weights / (near @ weights), LEAST_WEIGHT))
 
     def _judge(
         self, observation: Observation, log_posterior: np.ndarray, before: np.ndarray
@@ -200,10 +199,12 @@ class TrackFilter:
         """Whether other hypotheses may be right, or the frames are unlike the survey there."""
         states, weights = self.hypotheses.states, self.hypotheses.weights
         elsewhere = np.hypot(*(states[:, :2] - states[0, :2]).T) > 2 * self.hypotheses.radius
-        here = self._recent.near(states[:1, :2], self.hypotheses.radius)
+        if self._remembers:
+            (here,) = self._recent.near(states[:1, :2], self.hypotheses.radius)
+            if 1 - here > AMBIGUOUS_PROBABILITY:
+                return True
         return bool(
-            (self._remembers and 1 - here > AMBIGUOUS_PROBABILITY)
-            or weights[elsewhere].sum() > LOST_PROBABILITY
+            weights[elsewhere].sum() > LOST_PROBABILITY
             or self._unsupported >= LOST_FRAMES
             or self._residual > self._novelty
         )

@@ -4,8 +4,6 @@
 """
 
 import math
-import re
-import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.base.files import read_text
+from trexton.base.files import read_toml
 from trexton.vision.camera import Rectification
 
 FORMAT = 1
@@ -88,22 +86,6 @@ _KEYS: dict[str, dict[str, tuple[Callable[[Any], bool], str]]] = {
     "split": {},  # names of a person's own
 }  # fmt: skip
 _FREE = {"center_px", *_KEYS[""]}  # may be left out
-# To parse it takes the square of its parts.
-_LONG_KEY = re.compile(
-    r"""(?<![\w-])(([\w-]++|"(\\.|[^"\\\n])*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){30}"""
-)
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """What is in a TOML file; raises `FlightError` where it cannot be read."""
-    text = read_text(path)
-    try:
-        if _LONG_KEY.search(text):
-            raise ValueError("a key has more than 30 parts")
-        repr(content := tomllib.loads(text))  # what cannot be said is refused here
-    except (ValueError, RecursionError) as error:  # TOML's own, or a number of too many digits
-        raise FlightError(f"{path}: not valid TOML ({error}): correct it") from None
-    return content
 
 
 def read_header(path: Path) -> tuple[dict[str, Any] | None, list[str]]:

@@ -25,12 +25,11 @@ SCHEMA, READ = 3, (2, 3)  # written; and read
 
 def save_map(texton_map: TextonMap, path: str | os.PathLike[str]) -> Path:
     """Write a map as ``.npz``, whole or not at all."""
-    from trexton.base.files import atomic_file  # as a flight only reads
+    from trexton.base.files import write_file  # as a flight only reads
 
     content = io.BytesIO()  # a ZipFile on a full disk complains once more when it is dropped
     np.savez_compressed(content, **_counted(texton_map))  # type: ignore[arg-type]
-    with atomic_file(path, "wb") as stream:
-        stream.write(content.getbuffer())
+    write_file(path, content.getvalue())
     return Path(path)
 
 

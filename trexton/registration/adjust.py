@@ -90,7 +90,7 @@ def left_out(poses: np.ndarray, links: Links, anchors: Anchors, focal: float) ->
 
 
 def anchor_sigma(poses: np.ndarray, links: Links, anchors: Anchors, focal: float) -> float:
-    """Metres that anchors err by along an axis, from how far each is off where it is left out."""
+    """Standard deviation of anchors along an axis in metres, by how far each is off if left out."""
     off = np.hypot(*left_out(poses, links, anchors, focal).T)
     return max(float(np.median(off)) / _MEDIAN, _ANCHOR * float(np.median(poses[:, _HEIGHT])))
 

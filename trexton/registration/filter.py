@@ -75,7 +75,7 @@ class Registration(Filter):
             )
         if not flight.has_images:
             raise MapError(
-                "method fine looks at images, and this training set has none: "
+                "method fine needs images, and this training set has none: "
                 "train on a flight with images"
             )
         picture, lens = _surroundings(flight)
@@ -161,7 +161,7 @@ class RunningRegistration:
         if observation is None:
             self._fix = fix = self.tracker.step(None)
         elif observation.frame is None:
-            raise MapError("method fine looks at images, and was given a histogram: give frames")
+            raise MapError("method fine needs images, and was given a histogram: give frames")
         else:
             aiding, stamp = observation.aiding, observation.time
             self._fix = fix = self.tracker.step(

@@ -118,7 +118,7 @@ def stitch(flight: Flight, *, anchors: int | None = None) -> Mosaic:
     ----------
     anchors : int, optional
         Frames whose recorded position is used, at least 3. By default 12, and of a flight with an
-        origin on Earth all: GPS errs by metres, a chain of aerial photographs drifts by tens.
+        origin on Earth all: GPS is metres off, a chain of aerial photographs drifts by tens.
 
     Raises
     ------

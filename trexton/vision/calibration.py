@@ -111,6 +111,6 @@ def _yaml(text: str) -> Mapping[str, Any]:
         # A few that name one another stand for billions of values.
         if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(lines, Loader)):
             raise ValueError("an alias in it")
-        return yaml.load(lines, Loader)  # `safe_load`, with OpenCV's tags: it makes no objects
+        return Loader(lines).get_single_data()  # safe, with OpenCV's tags: it makes no objects
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from None

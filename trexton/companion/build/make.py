@@ -96,13 +96,20 @@ def make_book(
     made.said.append(_build(contents, made.index.parent))
     found = findings(results, records_by_name(results, outcomes))
     made.findings += [" ".join(filter(None, (each["text"], each["flight"]))) for each in found]
-    readme = Path("README.md").read_text(encoding="utf-8")
-    if not quick and not prepared.absent and renewed_readme(readme, results) != readme:
-        made.said.append(
-            "README.md has other numbers than these results: "
-            "python -m trexton.companion.build.prose renews it"
-        )
+    if not quick and not prepared.absent:
+        text = Path("README.md").read_text(encoding="utf-8")
+        made.said += filter(None, [readme_advice(text, results)])
     return made
+
+
+def readme_advice(text: str, results: Path) -> str:
+    """What to do where a README has not the numbers of these results; else nothing."""
+    try:
+        same = renewed_readme(text, results) == text
+    except DataError as error:  # the book stands, whatever the README lacks
+        return str(error)
+    other = "README.md has other numbers than these results"
+    return "" if same else f"{other}: python -m trexton.companion.build.prose renews it"
 
 
 def build_small_book(pairs: list[FlightPair], outcomes: list[Outcome], results: Path) -> Path:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError
-from trexton.base.files import atomic_file, canonical_json, digest, write_file
+from trexton.base.files import atomic_file, canonical_json, digest, read_toml, write_file
 from trexton.base.options import Options, option
 from trexton.base.records import Record
 from trexton.companion.build import engine
@@ -28,7 +28,6 @@ from trexton.companion.build.workers import Call, callers
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.provenance import made_by
-from trexton.flights.header import read_toml
 
 Rows = list[dict[str, Any]]
 

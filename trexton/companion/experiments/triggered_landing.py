@@ -185,12 +185,15 @@ def table(record: Record) -> pd.DataFrame:
             "Inside": counts["inside"],
             "Rate": percent(counts["inside_rate"]),
             "Triggered inside": percent(counts.get("triggered_inside_rate")),
-            "Outside, beyond the circle (cm)": "" if beyond is None else number(middle(beyond)),
+            "Outside, beyond the circle (cm)": _beyond(counts["outlier_mean_cm"]),
         }
         for name, counts in flown.items()
-        for beyond in (counts["outlier_mean_cm"],)
     ]
     return pd.DataFrame(rows)
+
+
+def _beyond(mean: Any) -> str:
+    return "" if mean is None else number(middle(mean))
 
 
 EXPERIMENT = Experiment("Triggered landing", Parameters, run, finding, needs=SURVEYED, cost_s=90)

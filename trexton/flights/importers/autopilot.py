@@ -15,7 +15,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.files import read_text
-from trexton.flights.importers.recording import NANO, PoseTrack, local_metres
+from trexton.flights.importers.recording import PoseTrack, local_metres, nanoseconds
 
 # Messages of ArduPilot that hold a position, the best first, or an attitude, and their parts.
 _MESSAGES = {
@@ -66,7 +66,7 @@ def _earthly(rows: np.ndarray, attitude: np.ndarray | None = None) -> PoseTrack 
         return None
     metres, origin = local_metres(*rows[fixed, 1:3].T)
     turned = None if attitude is None else attitude[fixed]
-    stamps = np.rint(NANO * rows[fixed, 0]).astype(np.int64)
+    stamps = nanoseconds(rows[fixed, 0])
     return PoseTrack(stamps, np.column_stack([metres, rows[fixed, 3]]), turned, origin)
 
 
@@ -129,7 +129,7 @@ def _ardupilot(path: Path) -> PoseTrack | None:
         )
     if "Lat" in _MESSAGES[kind]:
         return _earthly(table, attitude)
-    stamps = np.rint(NANO * table[:, 0]).astype(np.int64)
+    stamps = nanoseconds(table[:, 0])
     return PoseTrack(stamps, table[:, 1:] * (1, 1, -1), attitude)
 
 

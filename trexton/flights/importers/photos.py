@@ -32,7 +32,6 @@ from trexton.vision.images import natural_order, read_image
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 OTHERS = (".heic", ".heif", ".avif", ".webp", ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw")
-_WITHOUT = "photographs without a position, left out: {}"
 _NEAR = 100 / 6371  # radii of the Earth
 # What columns of a table may be called: by exiftool, Pix4D, Metashape and by hand.
 _COLUMNS = {
@@ -83,7 +82,7 @@ def read(source: Path, settings: Settings) -> Recording:
         names, poses, words = posed
         rows = _by_name(path, names, files)
         known = list(rows)
-        words += [_WITHOUT.format(len(files) - len(known))] * (len(files) > len(known))
+        words += _left_out(len(files) - len(known))
         stamps = _stamps(known)
         track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
     else:
@@ -98,6 +97,10 @@ def read(source: Path, settings: Settings) -> Recording:
     )  # fmt: skip
 
 
+def _left_out(count: int) -> list[str]:
+    return [f"photographs without a position, left out: {count}"] * bool(count)
+
+
 def _located(
     source: Path, table: Path | None, files: list[Path], shots: dict[Path, Shot]
 ) -> tuple[list[Path], list[str]]:
@@ -106,7 +109,7 @@ def _located(
     """
     placed = [file for file in files if file in shots and shots[file].located]
     dated = [file for file in placed if table or shots[file].time_ns]
-    said = [_WITHOUT.format(len(files) - len(placed))] * (len(files) > len(placed))
+    said = _left_out(len(files) - len(placed))
     if placed and not dated:
         said.append("photographs without a time: taken as one a second, by their names")
     elif undated := len(placed) - len(dated):
@@ -120,10 +123,9 @@ def _located(
         said.append(f"photographs more than 100 km from the others, left out: {(~near).sum()}")
         fixed = [file for file, each in zip(fixed, near, strict=True) if each]
     if len(fixed) < 3:
-        how = "by GPS in their EXIF or by a table named with --positions"
         read_image(files[0])  # what cannot be read tells no place
-        if table is not None:
-            how = f"by name in {table}"
+        by_gps = "by GPS in their EXIF or by a table named with --positions"
+        how = by_gps if table is None else f"by name in {table}"
         raise FlightError(
             f"{source}: {len(fixed)} of {len(files)} photographs have a position: expected 3 "
             f"or more, {how}"

@@ -205,6 +205,11 @@ def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray
     return np.where(share[:, None] < 1, (1 - share[:, None]) * low, 0.0) + mixed
 
 
+def nanoseconds(seconds: np.ndarray) -> np.ndarray:
+    """``(N,)`` stamps of seconds, to the nearest nanosecond."""
+    return np.rint(seconds * NANO).astype(np.int64)
+
+
 def spread(stamps: np.ndarray, step: int = NANO) -> np.ndarray:
     """Rounded stamps in nanoseconds, those of a burst, which are equal, spread over a `step`."""
     result = stamps.copy()

@@ -12,7 +12,7 @@ import numpy as np
 from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
-from trexton.flights.importers.recording import NANO, PoseTrack, Recording
+from trexton.flights.importers.recording import PoseTrack, Recording, nanoseconds
 from trexton.flights.tables import is_number, read_table
 
 
@@ -86,7 +86,7 @@ def read(source: Path, settings: Settings) -> Recording:
     """The recording of one log."""
     log = Log.of(source, settings.columns)
     time, values, places = frames_of(log, np.unique(log.source), settings)
-    stamps = np.rint(time * NANO).astype(np.int64)
+    stamps = nanoseconds(time)
     track = PoseTrack(stamps, places) if np.isfinite(places[:, :2]).any() else None
     name, said = f"log {source.name}", f"{source}: {len(log.time)} readings in {len(time)} frames"
     return Recording(stamps, track, histograms=values, features="signals", source=name, said=[said])

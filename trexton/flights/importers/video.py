@@ -13,7 +13,7 @@ from trexton.base.errors import FlightError, ParameterError
 from trexton.base.options import option
 from trexton.base.progress import progress
 from trexton.flights.frames import Forward
-from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside, nanoseconds
 from trexton.flights.importers.tracks import TrackColumns, read_track
 from trexton.vision.images import check_capture
 from trexton.vision.time_offset import small
@@ -76,7 +76,7 @@ def read(source: Path, settings: Settings) -> Recording:
             )
     rows = np.arange(0, len(stamps), settings.every)
     return Recording(
-        np.rint(stamps[rows] * NANO).astype(np.int64),
+        nanoseconds(stamps[rows]),
         track.shifted(-offset),
         Forward(source, rows, lambda: _stamped(source), lambda item: item[1]),
         source=f"video {source.name}",
