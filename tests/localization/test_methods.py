@@ -24,7 +24,8 @@ from trexton.localization.methods import (
 )
 from trexton.localization.motion import RandomWalk
 from trexton.localization.neighbors import Euclidean, Hellinger, NearestHistograms
-from trexton.localization.training import for_method, train_map, training_set, with_choices
+from trexton.localization.training import for_method, train_map, with_choices
+from trexton.localization.training_set import training_set
 
 
 @dataclass(eq=False)

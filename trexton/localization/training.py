@@ -20,7 +20,7 @@ from trexton.base.streams import generator
 from trexton.localization.base import Part
 from trexton.localization.methods import changed, compose, fitting
 from trexton.localization.texton_map import TextonMap
-from trexton.localization.training_set import Training
+from trexton.localization.training_set import training_set
 from trexton.vision.histograms import texton_counts
 from trexton.vision.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
 from trexton.vision.threads import ahead
@@ -66,8 +66,7 @@ def train_map(
         Instead of what is learned from the images, and of the flight's ground truth; frames with
         NaN do not train.
     **choices
-        ``role``: a part, or its name; ``role.option``: a value. They replace what the method
-        says.
+        ``role``: a part, or its name; ``role.option``: a value. They replace the method's own.
 
     Raises
     ------
@@ -79,48 +78,60 @@ def train_map(
     if neighbors is not None:
         choices["measurement.neighbors"] = neighbors
     rng = generator(rng)
-    usual, own = cells is None, USUAL_CELLS.get(method, 1) if flight.has_images else 1
-    cells = whole(own if cells is None else cells, "cells", 1, 8)
-    n_textons = whole(n_textons, "n_textons", 1, MAX_TEXTONS)
-    patch = whole(patch, "patch", 1, MAX_PATCH)
-    parts: dict[str, Any] = compose(method, choices)
+    usual = USUAL_CELLS.get(method, 1) if flight.has_images else 1
+    parameters: dict[str, Any] = {
+        "method": method,
+        "n_textons": whole(n_textons, "n_textons", 1, MAX_TEXTONS),
+        "patch": whole(patch, "patch", 1, MAX_PATCH),
+        "cells": whole(usual if cells is None else cells, "cells", 1, 8),
+        "positions": positions is not None,
+    }
+    parts = compose(method, choices)
     place = _positions(flight, positions)
-    located = np.isfinite(place).all(axis=1)
-    trained, shape, rectified = flight.select(located), None, None
+    trained = flight.select(np.isfinite(place).all(axis=1))
+    untrained = _without_parts(flight, trained, place, dictionary, parameters, rng)
+    train = with_parts if cells is not None else _with_parts_or_whole
+    return train(untrained, parts, flight=trained, rng=rng)
+
+
+def _without_parts(
+    flight: Flight,
+    trained: Flight,
+    place: np.ndarray,
+    dictionary: TextonDictionary | None,
+    parameters: dict[str, Any],
+    rng: np.random.Generator,
+) -> TextonMap:
+    """The training set of a map, and where it comes from, before any part has learned from it."""
+    shape, rectified, cells = None, None, parameters["cells"]
     if flight.has_images:
         shape, rectified = _shape(trained), flight.rectification
-        dictionary = dictionary or TextonDictionary.learn(flight, n_textons, patch, rng=rng)
+        size = parameters["n_textons"], parameters["patch"]
+        dictionary = dictionary or TextonDictionary.learn(flight, *size, rng=rng)
     elif cells > 1:
         raise ParameterError(
             f"flight {flight.name!r} came as histograms: there is no image to cut into "
             f"{cells} x {cells} parts, leave cells at 1"
         )
-    parameters = {
-        "method": method, "n_textons": n_textons, "patch": patch, "cells": cells,
-        "positions": positions is not None,
-    }  # fmt: skip
     from trexton.base.records import software_versions  # what training needs, no flight does
 
     provenance = {
         "flight": flight.name, "data_hash": flight.data_hash, "parameters": parameters,
         "versions": software_versions(),
     }  # fmt: skip
-    untrained = TextonMap(
+    return TextonMap(
         dictionary,
         full_histograms(trained, dictionary, cells),
-        place[located],
+        place[np.isfinite(place).all(axis=1)],
         trained.time,
         flight.area,
         shape,
         float(np.median(np.diff(trained.time))),
-        method,
+        parameters["method"],
         {},
         provenance,
         rectified,
     )
-    if usual:
-        return _with_parts_or_whole(untrained, parts, trained, rng)
-    return with_parts(untrained, parts, flight=trained, rng=rng)
 
 
 def _positions(flight: Flight, given: np.ndarray | None) -> np.ndarray:
@@ -177,24 +188,6 @@ def with_parts(
     training = training_set(result, flight=flight, rng=rng)
     fitted = {role: part.fit(training) for role, part in parts.items()}
     return replace(result, parts=result.parts | fitted)
-
-
-def training_set(
-    texton_map: TextonMap, *, flight: Flight | None = None, rng: np.random.Generator | None = None
-) -> Training:
-    """What the parts learn from; see `with_parts`."""
-    return Training(
-        texton_map.histograms,
-        texton_map.positions,
-        texton_map.time,
-        texton_map.area,
-        texton_map.period_s,
-        texton_map.distance,
-        texton_map.dictionary,
-        flight,
-        np.random.default_rng(0) if rng is None else generator(rng),
-        cells=texton_map.cells,
-    )
 
 
 def with_choices(

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trexton.base.streams import generator
 from trexton.localization.base import Area
 from trexton.localization.neighbors import Distance, NearestHistograms, neighbors_in_flight
 from trexton.vision.textons import TextonDictionary
 
 if TYPE_CHECKING:
     from trexton.flights.flight import Flight
+    from trexton.localization.texton_map import TextonMap
 
 # Frames closer in time than this see nearly the same floor: as neighbours they would flatter the
 # map. With half a second the k-NN errs on the training flight about as much as on a fresh flight of
@@ -80,3 +82,21 @@ class Training:
             return self.histograms
         shares = self.histograms / self.histograms.sum(axis=1, keepdims=True)
         return self.rng.multinomial(samples, shares) / samples
+
+
+def training_set(
+    texton_map: TextonMap, *, flight: Flight | None = None, rng: np.random.Generator | None = None
+) -> Training:
+    """What the parts learn from; see `trexton.localization.training.with_parts`."""
+    return Training(
+        texton_map.histograms,
+        texton_map.positions,
+        texton_map.time,
+        texton_map.area,
+        texton_map.period_s,
+        texton_map.distance,
+        texton_map.dictionary,
+        flight,
+        np.random.default_rng(0) if rng is None else generator(rng),
+        cells=texton_map.cells,
+    )

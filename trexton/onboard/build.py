@@ -20,7 +20,7 @@ from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, MapPlacement, MavlinkOptions, Settings
 from trexton.onboard.sinks import Guard, Surroundings, open_sink
 from trexton.onboard.sinks.files import JsonLines
-from trexton.onboard.sources import open_source
+from trexton.onboard.sources import Source, open_source
 from trexton.onboard.tally import Tally
 
 
@@ -41,18 +41,7 @@ def build(settings: Settings) -> Onboard:
     localizer = _localizer(texton_map, settings, isinstance(zone, TouchdownZone))
     _warm_up(localizer)
     tally = Tally()
-    rectification = texton_map.rectification
-    shape = texton_map.image_shape if rectification is None else rectification.source[::-1]
-    source = open_source(flying.camera, shape, settings.options)
-    if source.gives == "images" and texton_map.dictionary is None:
-        raise MapError(
-            f"{flying.camera} gives images, but the map was trained from histograms and holds no "
-            "textons: train a map on a flight with images"
-        )
-    if not source.rectified:
-        source.rectification = rectification
-    if source.live:
-        source.delay = flying.camera_delay
+    source = _source(texton_map, settings)
     around = Surroundings(
         settings.of(MapPlacement).local,
         texton_map.area,
@@ -86,6 +75,23 @@ def build(settings: Settings) -> Onboard:
         landers=landers if landing.arm_landing else (),
         warnings=list(filter(None, warnings)),
     )
+
+
+def _source(texton_map: TextonMap, settings: Settings) -> Source:
+    """The camera, whose frames come as the map wants them; raises `MapError` where they cannot."""
+    camera, rectification = settings.of(Flying).camera, texton_map.rectification
+    shape = texton_map.image_shape if rectification is None else rectification.source[::-1]
+    source = open_source(camera, shape, settings.options)
+    if source.gives == "images" and texton_map.dictionary is None:
+        raise MapError(
+            f"{camera} gives images, but the map was trained from histograms and holds no "
+            "textons: train a map on a flight with images"
+        )
+    if not source.rectified:
+        source.rectification = rectification
+    if source.live:
+        source.delay = settings.of(Flying).camera_delay
+    return source
 
 
 def _localizer(texton_map: TextonMap, settings: Settings, touchdown: bool) -> Localizer:

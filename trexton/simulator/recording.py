@@ -127,8 +127,7 @@ def record_flight(
     path : path
         Folder to write; one that is there must be empty, unless `replace`.
     pattern : {"survey", "waypoints"}
-        A survey in lanes for training, or random waypoints an hour later, under another light, for
-        test.
+        A survey in lanes to train on, or random waypoints an hour later, under another light.
     frames, seed, light, speed : optional
         The pattern's own unless given: 800 or 415 frames. Another seed is another flight over the
         same floor.
@@ -147,11 +146,9 @@ def record_flight(
     if pattern not in PATTERNS:
         raise ParameterError(f"unknown pattern {pattern!r}: the patterns are {', '.join(PATTERNS)}")
     usual_frames, usual_seed, usual_speed, usual_light, split = PATTERNS[pattern]
-    frames = usual_frames if frames is None else frames
-    seed = usual_seed if seed is None else seed
+    frames = whole(usual_frames if frames is None else frames, "the number of frames")
+    every, seed = whole(every, "every"), whole(usual_seed if seed is None else seed, "the seed", 0)
     speed = usual_speed if speed is None else speed
-    frames, every = whole(frames, "the number of frames"), whole(every, "every")
-    seed = whole(seed, "the seed", 0)
     floor = Floor.painted() if floor is None else floor
     plan_rng, simulator_rng = np.random.default_rng(seed).spawn(2)
     if pattern == "survey":
@@ -162,7 +159,22 @@ def record_flight(
         floor, camera=camera, effects=effects, light=usual_light if light is None else light,
         start=plan.start, height=height, speed=speed, rng=simulator_rng,
     )  # fmt: skip
-    path = Path(path)
+    source = f"simulated by trexton: pattern {pattern}, seed {seed}"
+    return _record(Path(path), replace, simulator, plan, frames, every, split, source)
+
+
+def _record(
+    path: Path,
+    replace: bool,
+    simulator: Simulator,
+    plan: Plan,
+    frames: int,
+    every: int,
+    split: str,
+    source: str,
+) -> Flight:
+    """Fly the plan and write the folder."""
+    floor = simulator.floor
     with atomic_folder(path, replace) as folder:
         (folder / "floor.png").write_bytes(floor.png())
         files, truth = _fly(simulator, plan, folder, frames, every)
@@ -175,11 +187,11 @@ def record_flight(
             attitude=truth[:, 3:],
             frames=ImageFiles(files),
             area=floor.area,
-            camera=camera,
+            camera=simulator.camera,
             split={split: (0, frames - 1)},
             floor_file=folder / "floor.png",
             floor_from_pixel=floor.picture.world_from_pixel,
-            source=f"simulated by trexton: pattern {pattern}, seed {seed}",
+            source=source,
             licence="CC0-1.0",
         )
         write_tables(flight, folder)

@@ -190,17 +190,22 @@ def build(
         if report.outcome == pytask.TaskOutcome.SKIP_UNCHANGED:
             settle(step, "reused", [f"nothing changed in its {len(step.inputs)} inputs"])
         elif report.outcome == pytask.TaskOutcome.SKIP_PREVIOUS_FAILED:
-            read = {fact.name for fact in step.reads}
-            broken = (
-                name for name, one in outcomes.items() if one.status in ("failed", "skipped")
-                and read.intersection(fact.name for fact in by_name[name].leaves)
-            )  # fmt: skip
-            settle(step, "skipped", [f"{Path(next(broken)).name}, which it builds on, failed"])
+            broken = _broken(step, by_name, outcomes)
+            settle(step, "skipped", [f"{Path(broken).name}, which it builds on, failed"])
         elif step.name not in outcomes:
             settle(step, "failed", [_sentence(step.name, report.exc_info[1])])
     if outcomes.keys() < by_name.keys():
         raise KeyboardInterrupt
     return outcomes
+
+
+def _broken(step: Step, by_name: dict[str, Step], outcomes: dict[str, Outcome]) -> str:
+    """The first step that failed, or was skipped, and leaves what `step` reads."""
+    read = {fact.name for fact in step.reads}
+    return next(
+        name for name, one in outcomes.items() if one.status in ("failed", "skipped")
+        and read.intersection(fact.name for fact in by_name[name].leaves)
+    )  # fmt: skip
 
 
 @contextmanager

@@ -18,8 +18,7 @@ from trexton.companion.experiments.metrics import euclidean
 from trexton.companion.wording import apart, lengths, middle, percent
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
-from trexton.localization.training import training_set
-from trexton.localization.training_set import EXCLUDED_SECONDS
+from trexton.localization.training_set import EXCLUDED_SECONDS, training_set
 
 BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
 SHARPNESS_FRAMES = 200  # are enough to estimate the share

@@ -26,8 +26,7 @@ from trexton.companion.experiments.track import fly
 from trexton.companion.wording import number
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.training import training_set
-from trexton.localization.training_set import EXCLUDED_SECONDS
+from trexton.localization.training_set import EXCLUDED_SECONDS, training_set
 
 AUTHORS = 0.8  # sigma in metres
 PAIRED_FRAMES = 1000  # at most so many, evenly spaced, where all pairs are compared
