@@ -64,6 +64,20 @@ def test_a_fault_is_one_sentence_and_status_1(words, message, tmp_path, flight_f
     assert not (tmp_path / "out").exists(), "something was half-written"
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["onboard", "m", "--land", "2,2", "--radius", "1", "--land=3,3"], "--land: given twice"),
+        (["onboard", "m", "--camera=a", "--camera", "b"], "--camera: given twice, 'a' and 'b'"),
+        (["train", "f", "-o", "a", "--output", "a"], "-o/--output: given twice"),
+    ],
+)
+def test_an_option_that_comes_twice_is_wrong_usage(words, told, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(words)
+    assert told in capsys.readouterr().err
+
+
 def test_check_says_usable_or_not(flight_folder, capsys):
     assert cli.main(["check", str(flight_folder)]) == 0
     assert "40 (1 to 40)" in capsys.readouterr().out

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 from trexton import __version__
 from trexton.base.errors import TrextonError
@@ -50,6 +51,18 @@ def help_line(module: str) -> str:
     return paragraph.partition("``: ")[2] or paragraph
 
 
+class _Once(argparse.Action):
+    """Refuses an option that comes twice: one of its values would be passed over in silence."""
+
+    def __call__(self, parser: object, named: Any, values: object, option: Any = None) -> None:
+        given = named.__dict__.setdefault("given", set())
+        if option is not None and self.dest in given:
+            words = f"given twice, {getattr(named, self.dest)!r} and {values!r}: give it once"
+            raise argparse.ArgumentError(self, words)
+        given.add(self.dest)
+        setattr(named, self.dest, values)
+
+
 def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argparse.ArgumentParser:
     """The parser for the `words` typed; only the module of the `chosen` verb is imported."""
     parser = argparse.ArgumentParser(
@@ -63,6 +76,7 @@ def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argpar
         command = commands.add_parser(
             name, help=said.partition(". ")[0].rstrip("."), description=said[:1].upper() + said[1:]
         )
+        command.register("action", None, _Once)
         command.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
         _add_plugin(command)
         command.set_defaults(words=list(words))
