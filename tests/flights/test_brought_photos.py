@@ -25,6 +25,7 @@ def photo(path: Path, i: int, latitude=47.0, longitude=8.0, **how) -> None:
         {1: "N" if latitude >= 0 else "S", 2: parts(latitude), 6: how.get("altitude", 400.0),
          3: "E" if longitude >= 0 else "W", 4: parts(longitude), 5: b"\0"}
     )  # fmt: skip
+    exif.get_ifd(0x8825).update(how.get("tags", {}))
     details = exif.get_ifd(0x8769)
     details[0x9003] = how.get("time", f"2024:05:01 10:00:{i:02d}")
     if "subsec" in how:
@@ -101,6 +102,26 @@ def test_places_of_photographs(tmp_path):
     assert len(flight) == 5 and "photographs without a fix, at 0, 0, left out: 1" in said
     np.testing.assert_allclose(flight.origin, (-33.9, -70.6), atol=1e-6)
     assert (np.diff(flight.position[:, 1]) > 0).all()
+
+
+@pytest.mark.parametrize("tags", [{1: ""}, {3: ""}, {1: "?"}, {1: "E", 3: "N"}, {9: "V"}])
+def test_a_place_of_no_hemisphere_or_of_before_is_none(tmp_path, tags):
+    source = photos(tmp_path / "p")
+    for i in (2, 4):
+        photo(source / f"IMG_{i + 7}.jpg", i, 47 + i * 1e-5, tags=tags)
+    flight, said = import_flight(source, tmp_path / "out")
+    assert "photographs without a position, left out: 2" in said
+    np.testing.assert_allclose(flight.position[:, 1], [0, 1.112, 3.335, 5.559], atol=1e-2)
+
+
+def test_a_place_in_degrees_and_minutes(tmp_path):
+    source = photos(tmp_path / "p")
+    for i in range(6):
+        tags = {2: (47.0, 6e-4 * i), 4: (8.0, 30.0), 9: "A"}
+        photo(source / f"IMG_{i + 7}.jpg", i, tags=tags)
+    flight, _ = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(flight.origin, (47, 8.5), atol=1e-6)
+    np.testing.assert_allclose(np.diff(flight.position[:, 1]), 1.112, atol=1e-2)
 
 
 def test_times_of_photographs(tmp_path):

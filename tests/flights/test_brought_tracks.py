@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import cv2
@@ -232,3 +233,76 @@ def test_subtitles_of_autel(tmp_path):
     track, _ = read_track(tmp_path / "v.srt", TrackColumns())
     np.testing.assert_allclose(track.origin, (-47.00004, -8.0))
     np.testing.assert_allclose(np.diff(track.position[:, 1]), -1.112, atol=0.01)
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e6, 1e9])
+def test_stamps_of_two_units_are_refused_with_their_row(tmp_path, factor):
+    for chosen in (range(20, 40), range(7, 40, 7), range(0, 40, 2)):
+        stamps = [f"{i * 0.08 * (factor if i in chosen else 1):.3f}" for i in range(40)]
+        rows = [f"{stamp},{place(i)[0]},{place(i)[1]}" for i, stamp in enumerate(stamps)]
+        (tmp_path / "t.csv").write_text("t,x,y\n" + "\n".join(rows))
+        with pytest.raises(FlightError, match=r"t\.csv, row \d+: .*all in one unit"):
+            read_track(tmp_path / "t.csv", TrackColumns())
+    seconds = [f"{1_700_000_000 * (1000 if i > 5 else 1) + i},{i},0" for i in range(9)]
+    (tmp_path / "t.csv").write_text("t,x,y\n" + "\n".join(seconds))
+    with pytest.raises(FlightError, match="row 8: .*all stamps in the unit of the first"):
+        read_track(tmp_path / "t.csv", TrackColumns())
+
+
+def test_segments_of_one_name_are_bodies_of_their_own(tmp_path):
+    head = "Segments\n100\n,,drone:root,,,pad:root,,\nFrame,Sub Frame,TX,TY,TZ,TX,TY,TZ\n"
+    rows = [f"{i + 1},0,{10 * i},2000,1000,9000,9000,0" for i in range(30)]
+    text = head + ",,mm,mm,mm,mm,mm,mm\n" + "\n".join(rows)
+    for separator in ",\t;":
+        (tmp_path / "v.csv").write_text(text.replace(",", separator))
+        track, _ = read_track(tmp_path / "v.csv", TrackColumns(body="root"))
+        np.testing.assert_allclose(track.position, [[i / 100, 2, 1] for i in range(30)])
+        track, _ = read_track(tmp_path / "v.csv", TrackColumns(body="pad:root"))
+        np.testing.assert_allclose(track.position, [[9, 9, 0]] * 30)
+
+
+def test_exports_with_decimal_commas(tmp_path):
+    rows = [f"{i}\t{i / 100}\t{1.5 * i}\t2000.5\t1000" for i in range(30)]
+    head = "NO_OF_FRAMES\t30\nMARKER_NAMES\tdrone\nFrame\tTime\tdrone X\tdrone Y\tdrone Z\n"
+    (tmp_path / "q.tsv").write_text(head + "\n".join(rows).replace(".", ","))
+    track, _ = read_track(tmp_path / "q.tsv", TrackColumns())
+    np.testing.assert_allclose(track.position, [[0.0015 * i, 2.0005, 1] for i in range(30)])
+    np.testing.assert_array_equal(track.time_ns, np.arange(30) * N // 100)
+
+
+@pytest.mark.parametrize("gap", ["\n\n", "\n"])
+@pytest.mark.parametrize(
+    "words", ["[latitude: {a:.6f}] [longitude: -8.5] [rel_alt: 12.500 abs_alt: 200.300]",
+              "F/2.8, SS 206.14, GPS (-8.5000, {a:.5f}, 15), D 22.03m, H 12.50m, H.S 1.00m/s"],
+)  # fmt: skip
+@pytest.mark.parametrize("comma", [False, True])
+def test_subtitles_of_other_countries_and_without_blank_lines(tmp_path, words, comma, gap):
+    texts = [words.format(a=47 + i * 1e-5) for i in range(9)]
+    texts = [re.sub(r"(\d)\.(\d)", r"\1,\2", text) if comma else text for text in texts]
+    (tmp_path / "v.srt").write_text(gap.join(
+        f"{i + 1}\n00:00:0{i},500 --> 00:00:0{i + 1},000\n{text}" for i, text in enumerate(texts)
+    ))  # fmt: skip
+    track, _ = read_track(tmp_path / "v.srt", TrackColumns())
+    np.testing.assert_allclose(track.origin, (47, -8.5))
+    np.testing.assert_allclose(np.diff(track.position[:, 1]), [1.112] * 8, atol=0.01)
+    np.testing.assert_allclose(track.position[:, 2], 12.5)
+    np.testing.assert_array_equal(track.time_ns, [i * N + N // 2 for i in range(9)])
+
+
+def test_a_trajectory_is_read_with_the_units_and_order_that_are_given(tmp_path):
+    half = np.radians(30) / 2  # a camera that looks down, turned by 30 degrees
+    turn = f"0 {np.cos(half)} {np.sin(half)} 0"  # w, x, y, z
+    rows = [f"{(17 * 10**8 + i) * N} {1000 * i} 0 1500 {turn}" for i in range(9)]
+    (tmp_path / "g.txt").write_text("\n".join(rows))
+    columns = TrackColumns(time_unit="ns", unit="mm", quaternion="qw,qx,qy,qz")
+    track, _ = read_track(tmp_path / "g.txt", columns)
+    np.testing.assert_allclose(track.position, [[i, 0, 1.5] for i in range(9)])
+    np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, 30]] * 9, atol=1e-9)
+    assert np.diff(track.time_ns).tolist() == [N] * 8
+    (tmp_path / "t.csv").write_text("t,x,y,qw,qz,qy,qx\n" + "\n".join(
+        f"{i},{i},0,0,0,{np.sin(half)},{np.cos(half)}" for i in range(9)
+    ))  # fmt: skip
+    track, _ = read_track(tmp_path / "t.csv", TrackColumns(quaternion="qw,qz,qy,qx"))
+    np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, 30]] * 9, atol=1e-9)
+    with pytest.raises(FlightError, match="3 columns: expected four"):
+        read_track(tmp_path / "t.csv", TrackColumns(quaternion="qx,qy,qz"))

@@ -305,6 +305,32 @@ def test_many_rows_of_another_place_are_named_but_stay():
     assert "(frames 120 to 199)" in doubt and doubt.mend is None
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "kind", ["circle", "lanes with noise", "carried by hand", "fast quadrotor"]
+)
+@pytest.mark.parametrize("jitter", [0.0, 1e-5])
+def test_a_place_that_froze_while_the_rest_lived_is_named(seed, kind, jitter):
+    flight, rng = sound(kind, seed, 300), np.random.default_rng(seed)
+    position, height = flight.position.copy(), 1.5 + 0.01 * rng.standard_normal(300)
+    for begin in (60, 150, 220):  # x and y are held, the height goes on
+        position[begin : begin + 40] = position[begin] + jitter * rng.standard_normal((40, 2))
+        if np.hypot(*(position[begin + 40] - position[begin])) < 0.3:
+            return  # it came back to where it froze: nothing tells
+    found = [rows for _, rows, sure in lost_rows(flight.time, np.column_stack([position, height]))]
+    expected = [row for begin in (60, 150, 220) for row in range(begin + 1, begin + 40)]
+    assert np.concatenate(found).tolist() == expected
+
+
+@pytest.mark.parametrize("rows", [slice(0, 30), slice(270, 300)])
+def test_a_place_that_froze_at_an_end_in_flight_is_named(rows):
+    flight = sound("circle", 3, 300)
+    position = flight.position.copy()
+    position[rows] = position[30 if rows.start == 0 else 269]
+    (doubt,) = warnings(replace(flight, position=position))
+    assert doubt.startswith("30 positions lie at one place") and not warnings(doubt.mend(flight))
+
+
 def test_stamps_in_days_are_seconds_again():
     flight = sound("circle", 3, 200)
     (doubt,) = warnings(replace(flight, time=45_000 + flight.time / 86400))

@@ -62,12 +62,8 @@ class TextTable:
         return [cell.strip() for cell in self.cells[name]]
 
     def numbers(self, name: str, missing_allowed: bool = True) -> np.ndarray:
-        """``(N,) float64`` column; a missing value is NaN.
-
-        Raises
-        ------
-        FlightError
-            There is no such column, or a row of it holds something else.
+        """``(N,) float64`` column; a missing value is NaN. Raises `FlightError` where there is no
+        such column, or a row of it holds something else.
         """
         texts = self.texts(name)
         if self.decimal == ",":
@@ -83,11 +79,7 @@ class TextTable:
 
     def nanoseconds(self, name: str, unit: str = "s") -> np.ndarray:
         """``(N,) int64`` stamps, exact: floats would lose microseconds. Dates count from 1970.
-
-        Raises
-        ------
-        FlightError
-            There is no such column, or a stamp is none or beyond the year 2262.
+        Raises `FlightError` where there is no such column, or a stamp is none or beyond 2262.
         """
         stamps = np.empty(len(self), dtype=np.int64)
         for row, text in enumerate(self.texts(name)):
@@ -105,6 +97,7 @@ class TextTable:
                     (each for each in TIMES if abs(stamp) / TIMES[unit] * TIMES[each] < _LATEST), ""
                 )
                 hint = f"give --time-unit {likely}" if likely else "count from the first"
+                hint = "give all stamps in the unit of the first" if row else hint
                 raise self._refusal(name, row, f"in {unit} that is beyond the year 2262: {hint}")
             stamps[row] = int(stamp.to_integral_value())
         if unit in ("ms", "us"):  # counters of 32 bits begin anew
@@ -198,7 +191,8 @@ def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:
     if not table:
         raise FlightError(f"{path}: no rows: expected a table, a row a line")
     if twice := [name for name in names if name and list(names).count(name) > 1]:
-        raise FlightError(f"{path}: column {twice[0]!r} appears twice: name each column once")
+        hint = "give a first row of names" if is_number(twice[0]) else "name each column once"
+        raise FlightError(f"{path}: column {twice[0]!r} appears twice: {hint}")
     for number, row in table:
         if len(row) < len(names) or any(cell.strip() for cell in row[len(names) :]):
             hint = "complete the row" if len(row) < len(names) else "remove the extra fields"

@@ -15,7 +15,7 @@ from trexton.flights.flight import Flight, area_around
 FEWEST = 5  # positions from which on a flight has speeds of its own
 WINDOW = 5  # positions whose median is a place, and steps over whose median a speed is sustained
 JUMP = 4.0  # times the top sustained speed: no vehicle goes from one row to the next so fast
-FROZEN = 3  # equal rows in sequence
+FROZEN, STILL = 3, 0.01  # equal rows in sequence; a step of this share of the usual is none
 LEAVES = 2.0  # times the top sustained speed by which a frozen pose is left
 LONGEST = 0.3  # of the rows: where more seem lost it is the flight that jumps
 SMALLEST = 0.05  # metres: what is nearer is noise
@@ -52,13 +52,12 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
     rows = np.flatnonzero(np.isfinite(place[:, :2]).all(axis=1))
     if len(rows) < FEWEST:
         return []
-    time, pose = time[rows], np.nan_to_num(place[rows])
-    position = pose[:, :2]
+    time, position = time[rows], place[rows, :2]
     top = _top_speed(time, position)
     if not top > 0:
         return []
     zero = _zeros(time, position, JUMP * top)
-    frozen = _frozen(time, pose, top) & ~zero
+    frozen = _frozen(time, position, top) & ~zero
     kept = np.flatnonzero(~(frozen | zero))
     flown = np.zeros(len(rows), dtype=bool)
     flown[kept[_longest_chain(time[kept], position[kept], JUMP * top)]] = True
@@ -119,25 +118,26 @@ def _zeros(time: np.ndarray, position: np.ndarray, fastest: float) -> np.ndarray
     return zero
 
 
-def _frozen(time: np.ndarray, pose: np.ndarray, top: float) -> np.ndarray:
-    """Rows of a sequence of equal poses, but its first, that is left by a jump: whoever hovers
+def _frozen(time: np.ndarray, position: np.ndarray, top: float) -> np.ndarray:
+    """Rows of a sequence of equal places, but its first, that is left by a jump: whoever hovers
     leaves slowly. At the start of the flight its last is kept.
     """
-    scale = np.maximum(np.abs(pose).max(axis=0), 1.0)
-    equal = (np.abs(np.diff(pose, axis=0)) <= 1e-9 * scale).all(axis=1)
+    gaps, steps = np.diff(time), np.hypot(*np.diff(position, axis=0).T)
+    equal = steps <= max(STILL * np.median(steps[steps > 0]), 1e-9 * np.abs(position).max())
     edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.astype(int), [0]])))
     result = np.zeros(len(time), dtype=bool)
     for first, last in edges.reshape(-1, 2):  # rows first to last are equal
-        entered = np.hypot(*(pose[first, :2] - pose[first - 1, :2])) if first else 0.0
-        before = time[first] - time[first - 1] if first else np.inf
-        if last - first + 1 < FROZEN or entered > max(JUMP * top * before, SMALLEST):
+        if last - first + 1 < FROZEN or last - first == len(steps):
+            continue
+        if first and steps[first - 1] > max(JUMP * top * gaps[first - 1], SMALLEST):
             continue  # what lies elsewhere is found by its jump
-        if last + 1 < len(time):
-            step = np.hypot(*(pose[last + 1, :2] - pose[last, :2]))
-            share = LEAVES if first else 0.5  # whoever takes off is slow at first
-            left = step > max(share * top * (time[last + 1] - time[last]), SMALLEST)
-        else:  # to the end: whoever lands slows down before
-            left = entered > max(top * before / 2, SMALLEST)
+        if 0 < first and last < len(steps):
+            left = steps[last] > max(LEAVES * top * gaps[last], SMALLEST)
+        else:  # whoever takes off is slow at first, and whoever lands slows down before
+            next_to, near = last, steps[last : last + WINDOW]
+            if first:
+                next_to, near = first - 1, steps[max(0, first - WINDOW) : first]
+            left = steps[next_to] > 0.5 * top * gaps[next_to] and near.sum() > SMALLEST
         result[first + (first > 0) : last + (first > 0)] = left
     return result
 

@@ -22,7 +22,7 @@ _MESSAGES = {
     "POS": ("Lat", "Lng", "RelHomeAlt"), "GPS": ("Lat", "Lng", "RAlt"),
     "XKF1": ("PE", "PN", "PD"), "NKF1": ("PE", "PN", "PD"), "ATT": ("Roll", "Pitch", "Yaw"),
 }  # fmt: skip
-_NUMBER = r"([-+]?\d+(?:\.\d+)?)"
+_NUMBER = r"([-+]?\d+(?:[.,]\d+)?)"
 # DJI's two ways; the first gives longitude before latitude.
 _GPS = re.compile(rf"GPS\s*\({_NUMBER},\s*{_NUMBER}")
 _AUTEL = re.compile(rf"GPS\s*\(([EW]):\s*{_NUMBER},\s*([NS]):\s*{_NUMBER}")
@@ -32,12 +32,8 @@ _CLOCK = re.compile(r"(\d{1,6}):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 
 
 def read_log(path: Path) -> PoseTrack | None:
-    """The track in a log; None where the suffix is of none.
-
-    Raises
-    ------
-    FlightError
-        The log cannot be read, or holds no position.
+    """The track in a log; None where the suffix is of none. Raises `FlightError` where the log
+    cannot be read, or holds no position.
     """
     if (read := _READERS.get(path.suffix.lower())) is None:
         return None
@@ -72,9 +68,10 @@ def _earthly(rows: np.ndarray, attitude: np.ndarray | None = None) -> PoseTrack 
 
 def _subtitles(path: Path) -> PoseTrack | None:
     rows = []
-    for block in re.split(r"\n\s*\n", read_text(path).replace("\r", "")):
-        if (clock := _CLOCK.search(block)) is None:
-            continue
+    parts = _CLOCK.split(read_text(path))
+    for at in range(1, len(parts), 5):
+        hours, minutes, seconds, milli = map(int, parts[at : at + 4])
+        block = parts[at + 4]
         if (found := _PLACE.search(block)) is not None:
             place = found.groups()
         elif (found := _GPS.search(block)) is not None:
@@ -84,12 +81,9 @@ def _subtitles(path: Path) -> PoseTrack | None:
             place = "-" * (north == "S") + latitude, "-" * (east == "W") + longitude
         else:
             continue
-        hours, minutes, seconds, milli = map(int, clock.groups())
         height = _HEIGHT.search(block)
-        rows.append(
-            [3600 * hours + 60 * minutes + seconds + milli / 1000, *map(float, place),
-             float(height[1]) if height else np.nan]
-        )  # fmt: skip
+        values = [each.replace(",", ".") for each in (*place, height[1] if height else "nan")]
+        rows.append([3600 * hours + 60 * minutes + seconds + milli / 1000, *map(float, values)])
     return _earthly(np.array(rows, dtype=float).reshape(-1, 4))
 
 

@@ -82,8 +82,10 @@ def read_shot(path: Path) -> Shot:
             with suppress(FlightError):  # no time: as if the camera had no clock
                 taken = time_of(path, _text(known[moment]), fraction[0] if fraction else "")
             break
+    if _text(gps.get(9, "")).upper() == "V":  # the receiver had lost its fix
+        gps = {}
     try:
-        latitude, longitude = _degrees(gps[2], gps[1], "S"), _degrees(gps[4], gps[3], "W")
+        latitude, longitude = _degrees(gps[2], gps[1], "NS"), _degrees(gps[4], gps[3], "EW")
         altitude = float(gps[6]) * (-1 if gps.get(5) in (1, b"\x01") else 1) if 6 in gps else np.nan
     except (KeyError, TypeError, ValueError, ZeroDivisionError):
         latitude = longitude = altitude = np.nan
@@ -100,10 +102,11 @@ def _text(value: Any) -> str:
     return text.strip("\0 ")
 
 
-def _degrees(parts: Any, side: Any, negative: str) -> float:
-    degrees, minutes, seconds = (float(part) for part in parts)
+def _degrees(parts: Any, side: Any, sides: str) -> float:
+    """South and west are negative; raises `ValueError` where no side is told."""
+    degrees, minutes, seconds = (float(part) for part in (*parts, 0, 0)[:3])
     value = degrees + minutes / 60 + seconds / 3600
-    return -value if _text(side).upper().startswith(negative) else value
+    return (1, -1)[sides.index(_text(side).upper()[:1] or "?")] * value
 
 
 def _values(xmp: bytes) -> dict[str, float]:

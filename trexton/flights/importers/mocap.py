@@ -15,7 +15,7 @@ from trexton.base.files import read_text
 from trexton.flights.tables import LENGTHS, TextTable
 
 _UNITS = {"meters": "m", "metres": "m", "centimeters": "cm", "millimeters": "mm"}
-_NUMBER = re.compile(r"[-+]?\d+(\.\d*)?")
+_NUMBER = re.compile(r"[-+]?\d+([.,]\d*)?")
 
 # Tables of Vicon's that hold positions, the best first.
 _VICON = ("objects", "segments", "trajectories", "model outputs")
@@ -55,17 +55,18 @@ def read_motion_capture(
     if path.suffix.lower() not in (".csv", ".tsv", ".txt"):
         return None
     lines = read_text(path).splitlines() or [""]
-    begin = [cell.strip(' "').lower() for cell in re.split("[,\t]", lines[0])]
+    separator = max(",;\t", key="\n".join(lines[:10]).count)
+    begin = [cell.strip(' "').lower() for cell in lines[0].split(separator)]
     read = _FORMATS.get(begin[0])
     if read is None or read is _vicon and any(begin[1:]):
         return None
     try:
-        rows = list(csv.reader(lines, delimiter="\t" if read is _qualisys else ","))
+        rows = list(csv.reader(lines, delimiter=separator))
         export = read(rows)
     except (LookupError, ValueError, StopIteration, csv.Error) as error:
         raise FlightError(
             f"{path}: begins as an export of motion capture, but its head cannot be read "
-            f"({error or 'no row names columns'}): export rigid bodies with their header"
+            f"({str(error) or 'no row names columns'}): export rigid bodies with their header"
         ) from None
     names = [name for name in export.bodies if body in ("", name)]
     if len(names) != 1:
@@ -86,7 +87,8 @@ def read_motion_capture(
     if export.rate:
         frames = [float(frame) for frame in columns.get("frame", range(len(kept)))]
         columns["time"] = [f"{(each - frames[0]) / export.rate:.9f}" for each in frames]
-    table = TextTable(path, columns, [row + 1 for row in kept])
+    comma = separator != "," and any("," in cell for cells in columns.values() for cell in cells)
+    table = TextTable(path, columns, [row + 1 for row in kept], "," if comma else ".")
     return table, export.settings, [f"{path}: body {names[0]}{export.said}"]
 
 
@@ -122,7 +124,9 @@ def _vicon(rows: list[Row]) -> _Export:
     name = ""
     for place in range(2, len(axes)):
         if place < len(names) and names[place].strip():
-            name = names[place].strip().removeprefix("Global Angle").strip().rpartition(":")[2]
+            whole = names[place].strip().removeprefix("Global Angle").strip()
+            name = whole.rpartition(":")[2]
+            name = whole if name in bodies else name  # of another subject
         axis = axes[place].strip()
         if axis and "'" not in axis:  # no velocities
             bodies.setdefault(name, {"frame": 0})[axis] = place

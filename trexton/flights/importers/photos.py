@@ -251,11 +251,7 @@ def _by_the_second(taken: list[int]) -> np.ndarray:
 
 def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] | None:
     """The names of the photographs, their poses (all at time 0), and what to know; None for others.
-
-    Raises
-    ------
-    FlightError
-        The file is one, but cannot be read.
+    Raises `FlightError` where the file is one, but cannot be read.
     """
     from scipy.spatial.transform import Rotation
 

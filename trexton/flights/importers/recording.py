@@ -73,9 +73,18 @@ class PoseTrack:
         lines : sequence of int, optional
             The number of each row in it; counted from 1 unless given.
         """
+        lines = range(1, len(self.time_ns) + 1) if lines is None else lines
+        moved = np.hypot(*np.diff(self.position[:, :2], axis=0).T)
+        goes_on = moved <= 3 * np.nanmedian(moved) if np.isfinite(moved).any() else moved < 0
+        power = np.diff(np.log10(np.abs(np.where(self.time_ns, self.time_ns, np.nan))))[2:] / 3
+        mixed = (np.abs(power) > 0.9) & (np.abs(power - np.rint(power)) < 0.05) & goes_on[2:]
+        if mixed.any():
+            raise FlightError(
+                f"{where}, row {lines[int(mixed.argmax()) + 3]}: the place goes on, but the stamp "
+                "is a thousand times the one before, or a thousandth: give all in one unit"
+            )
         if (np.diff(self.time_ns) > 0).all():
             return self, []
-        lines = range(1, len(self.time_ns) + 1) if lines is None else lines
         order = np.lexsort((np.isnan(self.position[:, :2]).any(axis=1), self.time_ns))
         _, first, group = np.unique(self.time_ns[order], return_index=True, return_inverse=True)
         place = self.position[order, :2]
@@ -93,8 +102,7 @@ class PoseTrack:
         said = []
         if back := int((np.diff(self.time_ns) < 0).sum()):
             said.append(f"{where}: {back} rows of positions out of order, sorted by their stamps")
-            moved = np.hypot(*np.diff(self.position[:, :2], axis=0).T)
-            on = (np.diff(self.time_ns) < 0) & (moved <= 3 * np.nanmedian(moved))
+            on = (np.diff(self.time_ns) < 0) & goes_on
             if back <= 3 and on.any():
                 row = lines[int(on.argmax()) + 1]
                 said[0] += (
@@ -229,12 +237,8 @@ def local_metres(
     latitude: np.ndarray, longitude: np.ndarray
 ) -> tuple[np.ndarray, tuple[float, float]]:
     """``(N, 2)`` metres east and north of the south-west corner, and that corner in degrees (WGS
-    84): a transverse Mercator projection, true to a millimetre over some kilometres.
-
-    Raises
-    ------
-    FlightError
-        A latitude or longitude is no angle on Earth.
+    84): a transverse Mercator projection, true to a millimetre over some kilometres. Raises
+    `FlightError` where a latitude or longitude is no angle on Earth.
     """
     from pyproj import Proj
 

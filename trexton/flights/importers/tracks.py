@@ -60,8 +60,10 @@ class TrackColumns(Options):
         position = LENGTHS[self.unit] * np.column_stack(columns)
         where, lines = str(table.path), table.rows
         if parts := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
-            if [name[-1].lower() for name in parts] == list("wxyz"):  # as they are called
-                parts = [*parts[1:], parts[0]]
+            if sorted(name[-1].lower() for name in parts) == list("wxyz") and "-" not in parts[1]:
+                parts.sort(key=lambda name: "xyzw".index(name[-1].lower()))  # as they are called
+            if len(parts) not in (4, 9):
+                raise FlightError(f"{where}: quaternion names {len(parts)} columns: expected four")
             turns = np.column_stack([_column(table, name) for name in parts])
             if len(parts) == 9:
                 turns = _quaternions(turns)
@@ -134,8 +136,9 @@ def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]
         return track, said + more
     fields = _first_fields(path)
     if len(fields) in (8, 9) and all(map(is_number, fields)):  # as TUM writes it, with blanks
-        table = read_table(path, trajectory_names(path, TUM.quaternion))
-        return replace(TUM, axes=columns.axes).of(table)
+        turn = columns.quaternion or TUM.quaternion
+        columns = replace(columns, time="stamp", z="z", quaternion=turn)
+        return columns.of(read_table(path, trajectory_names(path, turn)))
     return columns.of(read_table(path))
 
 
