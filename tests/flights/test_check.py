@@ -12,6 +12,7 @@ from conftest import small_flight
 
 from trexton.flights import read_flight, write_flight
 from trexton.flights.check import check_flight
+from trexton.flights.importing import import_flight
 
 
 def walk(frames: int = 600):
@@ -214,3 +215,21 @@ def test_a_camera_that_was_frozen_for_a_while_is_noticed(image_folder):
         shutil.copyfile(pictures / "0002.jpg", pictures / f"{number:04d}.jpg")
     (warning,) = [line for line in check_flight(image_folder).warnings if "frozen" in line]
     assert "2 pictures like the one before to the byte (first: frames.csv, row 5)" in warning
+
+
+@pytest.mark.parametrize(("bits", "words"), [(12, "6 pictures of 6 darker than 24"), (16, "")])
+def test_pictures_of_twelve_bits_in_sixteen_are_named(bits, words, tmp_path):
+    from test_import import picture
+    from test_import_odd import table
+
+    rows = [f"{i * 0.1:.1f},{i},{i % 3},{i}.png" for i in range(6)]
+    source = table(tmp_path / "t", rows)
+    for i in range(6):
+        deep = picture(i).astype(np.uint16) * 2 ** (bits - 8)
+        cv2.imwrite(str(source.parent / f"{i}.png"), deep)
+    import_flight(source, tmp_path / "out")
+    report = check_flight(tmp_path / "out")
+    assert [line for line in report.warnings if "dark" in line] == [
+        line for line in report.warnings if words and words in line
+    ]
+    assert report.usable and bool(words) == any("12 bits in 16?" in x for x in report.warnings)

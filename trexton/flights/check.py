@@ -23,6 +23,7 @@ from trexton.flights.writing import write_flight
 from trexton.vision.images import read_image
 
 MOST_ROUNDS = 10  # a repair may uncover what another repairs
+DARK = 24  # of 255: nearly all of a picture of 12 bits is below, read as one of 16
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
     raised.
     """
     reading = load_folder(Path(path))
-    sizes, unusable, frozen = _images(reading)
+    sizes, unusable, frozen, dark = _images(reading)
     found = [] if reading.flight is None else facts(reading.flight)
     if reading.image_files:
         counts = (f"{count} of {'x'.join(map(str, size))}" for size, count in sizes.items())
@@ -66,6 +67,11 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
             f"(first: frames.csv, row {frozen[0]}): where the camera was frozen, leave the "
             "frames out"
         )
+    if dark > sizes.total() / 2:
+        warnings.append(
+            f"{path}: {count_of(dark, 'picture')} of {sizes.total()} darker than {DARK} of 255: "
+            "12 bits in 16? stretch them, or expose longer"
+        )
     if reading.flight is not None:
         try:
             reading.flight.floor  # noqa: B018 - reads the picture
@@ -75,12 +81,13 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
     return Report(Path(path), found, faults, warnings)
 
 
-def _images(reading: Reading) -> tuple[Counter[tuple[int, int]], dict[int, str], list[int]]:
+def _images(reading: Reading) -> tuple[Counter[tuple[int, int]], dict[int, str], list[int], int]:
     """What decoding every image shows: how many are of each size; by its row in frames.csv, what
-    keeps one from being used; and the rows whose picture is the one before to the bit.
+    keeps one from being used; the rows whose picture is the one before to the bit; how many are
+    dark.
     """
     places: dict[int, tuple[Path, tuple[int, int]]] = {}
-    unusable, frozen, before = {}, [], b""
+    unusable, frozen, before, dark = {}, [], b"", 0
     for row, file in progress(reading.image_files, "images"):
         try:
             image = read_image(file)
@@ -91,6 +98,7 @@ def _images(reading: Reading) -> tuple[Counter[tuple[int, int]], dict[int, str],
         if content == before:
             frozen.append(row)
         before = content
+        dark += bool(np.quantile(image[::4, ::4, 0], 0.99) < DARK)
         places[row] = file, (image.shape[1], image.shape[0])
     sizes = Counter(size for _, size in places.values())
     camera = reading.flight.camera if reading.flight else None
@@ -103,7 +111,7 @@ def _images(reading: Reading) -> tuple[Counter[tuple[int, int]], dict[int, str],
                 f"frames.csv, row {row}: {file} is {size[0]}x{size[1]} where {whose} "
                 f"{expected[0]}x{expected[1]}: all images of a flight have one size"
             )
-    return sizes, unusable, frozen
+    return sizes, unusable, frozen, dark
 
 
 def facts(flight: Flight) -> list[tuple[str, str]]:
@@ -157,7 +165,7 @@ def repair_flight(
     reading = load_folder(Path(path), done)
     if reading.flight is None:
         raise FlightError(reading.faults[0])
-    flight, (_, unusable, frozen) = reading.flight, _images(reading)
+    flight, (_, unusable, frozen, _) = reading.flight, _images(reading)
     if left_out := {*unusable, *frozen}:
         if len(left_out) == len(flight):
             raise FlightError(f"{path}/{next(iter(unusable.values()))}")

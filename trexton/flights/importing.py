@@ -143,12 +143,8 @@ def preview_import(
     kind: str | None = None,
     settings: Mapping[str, object] | None = None,
 ) -> list[tuple[str, str]]:
-    """What an import would take for what, as rows of a name and a text; nothing is written.
-
-    Raises
-    ------
-    TrextonError
-        As `import_flight`.
+    """What an import would take for what, as rows of a name and a text; nothing is written. Raises
+    as `import_flight`.
     """
     given = settings or {}
     plan = _Plan.of(Path(source), kind, given)

@@ -166,12 +166,8 @@ def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:
 
     Comma, semicolon, tab or blanks separate. A ``#`` before the header is dropped, lines that
     begin with one are comments, rows without any text are passed over. Where commas do not
-    separate, they may be decimal.
-
-    Raises
-    ------
-    FlightError
-        The file cannot be read, has no rows, a name twice, or a row has another number of fields.
+    separate, they may be decimal. Raises `FlightError` where the file cannot be read, has no rows,
+    a name twice, or a row has another number of fields.
     """
     text = read_text(path)
     lines = (line for line in text.splitlines() if line.strip())

@@ -47,14 +47,8 @@ def importer(kind: str) -> Importer:
 
 
 def guess_kind(source: Path) -> str:
-    """The one kind that recognises `source`.
-
-    Raises
-    ------
-    ParameterError
-        None or several do.
-    FlightError
-        It is a table that cannot be read.
+    """The one kind that recognises `source`; raises `ParameterError` where none or several do,
+    `FlightError` where it is a table that cannot be read.
     """
     if not source.exists():
         raise ParameterError(f"{source}: no such file or folder")

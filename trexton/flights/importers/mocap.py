@@ -41,16 +41,8 @@ def read_motion_capture(
     path: Path, body: str
 ) -> tuple[TextTable, dict[str, str], list[str]] | None:
     """The table of one body, how it is read, and what to know; None where the file is no export.
-
-    Parameters
-    ----------
-    body : str
-        Its name; empty where there is only one.
-
-    Raises
-    ------
-    FlightError
-        It has no such body, or several and none is named.
+    `body` may be empty where there is only one; raises `FlightError` where there is no such, or
+    several and none is named.
     """
     if path.suffix.lower() not in (".csv", ".tsv", ".txt"):
         return None
