@@ -8,6 +8,8 @@ ARGS ?=
 # left for the end.
 SPREAD := -n 3 --dist loadfile --no-loadscope-reorder
 ALONE := OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1
+# Where the environment forbids bytecode, each of a hundred processes would compile every source anew.
+unexport PYTHONDONTWRITEBYTECODE
 # An optional local copy of the public data beside the clone saves the downloads.
 ifneq ($(wildcard ../shared/data),)
 export TREXTON_DATA ?= $(abspath ../shared/data)

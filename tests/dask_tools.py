@@ -28,17 +28,29 @@ class Cluster:
         self.environment = os.environ | {"PYTHONPATH": paths}
 
     def __enter__(self) -> Cluster:
-        file, host = self.folder / "scheduler.json", "127.0.0.1"
-        if self.options:  # of TLS
-            host = f"tls://{host}"
-        self._start("scheduler", "--host", host, "--port", "0", "--scheduler-file", file)
+        self.host = "tls://127.0.0.1" if self.options else "127.0.0.1"  # options of TLS
+        file = self.folder / "scheduler.json"
+        self._start("scheduler", "--host", self.host, "--port", "0", "--scheduler-file", file)
         for _ in range(self.size):
-            options = ["--nthreads", "1", "--no-nanny", "--local-directory", self.folder]
-            self._start("worker", "--scheduler-file", file, "--host", host, *options)
-        with connect(self._address(file)) as client:
-            if self.size:
-                client.wait_for_workers(self.size, timeout=120)
+            self._start_worker()
+        self._address(file)
+        if self.size:
+            self._wait(self.size)
         return self
+
+    def add_worker(self) -> None:
+        """One more, which is there when this returns."""
+        self._start_worker()
+        self._wait(1)
+
+    def _start_worker(self) -> None:
+        file = self.folder / "scheduler.json"
+        options = ["--nthreads", "1", "--no-nanny", "--local-directory", self.folder]
+        self._start("worker", "--scheduler-file", file, "--host", self.host, *options)
+
+    def _wait(self, workers: int) -> None:
+        with connect(self.address) as client:
+            client.wait_for_workers(workers, timeout=120)
 
     @property
     def alive(self) -> int:

@@ -17,8 +17,11 @@ from trexton.simulator import Floor, Simulator, record_flight
 from trexton.vision.camera import Camera
 
 PERIOD = 0.08
-CAMERA, FLOOR = Camera(160, 120, 130.0), Floor.painted("moved", 4)
-AREA = FLOOR.area
+CAMERA = Camera(160, 120, 130.0)
+
+
+def floor() -> Floor:
+    return Floor.painted("moved", 4)  # which keeps it
 
 
 class Turned(Simulator):
@@ -34,7 +37,7 @@ class Turned(Simulator):
 
 def turned(seed: int, offset: float) -> Turned:
     made = Turned(
-        FLOOR, camera=CAMERA, start=np.array([1.0, 1.0]), speed=0.6,
+        floor(), camera=CAMERA, start=np.array([1.0, 1.0]), speed=0.6,
         rng=np.random.default_rng(seed),
     )  # fmt: skip
     made.offset = offset
@@ -44,7 +47,7 @@ def turned(seed: int, offset: float) -> Turned:
 @pytest.fixture(scope="module")
 def fine(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fine")
-    flight = record_flight(folder / "survey", frames=100, camera=CAMERA, floor=FLOOR)
+    flight = record_flight(folder / "survey", frames=100, camera=CAMERA, floor=floor())
     return train_map(flight, method="fine", n_textons=8, rng=np.random.default_rng(1))
 
 
@@ -129,14 +132,16 @@ def test_a_vehicle_without_a_compass_flies_by_it(fine, send_yaw):
         WithoutCompass(room, local),
         Continuity(localizer.parts["motion"].growth, PERIOD),
     )
-    talk = Speaker(PROFILES["px4"](local, AREA), 0.01 * np.eye(2), Listener(), send_yaw=send_yaw)
+    talk = Speaker(
+        PROFILES["px4"](local, floor().area), 0.01 * np.eye(2), Listener(), send_yaw=send_yaw
+    )
     talk.listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), 0.0)
     distances = []
     for frame in range(120):
         now = 1.0 + PERIOD * frame
         talk.listener.hear(from_autopilot(attitude(now, (0.0, 0.0, vehicle.yaw))), now)
         estimate = localizer.step(room.render())
-        fix = continuity.mark(Fix.of(estimate, now, frame, AREA, PERIOD))
+        fix = continuity.mark(Fix.of(estimate, now, frame, floor().area, PERIOD))
         talk.tell(fix, now)
         for message in talk.due(now):
             if message.get_type() == "VISION_POSITION_ESTIMATE":

@@ -113,14 +113,17 @@ class _Hall:
             for y in np.arange(0.16, SIDE, 0.335):
                 place = np.array([x, y]) + self.rng.normal(0, 0.02, 2)
                 corners = self._rectangle(place, (card, card), self.rng.normal(0, 0.08))
-                footprint = np.zeros_like(self.taken)
-                cv2.fillConvexPoly(footprint, corners.round().astype(np.int32), 1)
-                if (self.taken & footprint).any():
+                pixels = corners.round().astype(np.int32)
+                low, high = np.maximum(pixels.min(axis=0), 0), pixels.max(axis=0) + 1
+                taken = self.taken[low[1] : high[1], low[0] : high[0]]
+                footprint = np.zeros_like(taken)
+                cv2.fillConvexPoly(footprint, pixels - low, 1)
+                if (taken & footprint).any():
                     continue
                 tag = cv2.aruco.generateImageMarker(dictionary, number % 250, 48)
                 picture = cv2.copyMakeBorder(tag, 12, 12, 12, 12, cv2.BORDER_CONSTANT, value=245)
                 self._paste(cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR), corners)
-                self.taken |= footprint
+                taken |= footprint
                 number += 1
 
     def scatter_objects(self) -> None:

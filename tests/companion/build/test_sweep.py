@@ -73,7 +73,8 @@ def test_the_table_holds_every_number_and_no_times(flight, tmp_path, in_place):
     assert json.loads(cell.read_text())["timings"]["total_ms"]["median"] > 0
 
 
-def test_the_plan_is_a_file(flight, tmp_path, capsys):
+def test_the_plan_is_a_file(flight, tmp_path, capsys, in_place):
+    in_place()
     plan = tmp_path / "plan.toml"
     plan.write_text(
         f'experiment = "mocap_training"\nflights = ["{flight}"]\n'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from dataclasses import replace
 
 import cv2
@@ -13,6 +14,8 @@ from conftest import small_flight
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.records import Record
 from trexton.cli.main import main
+from trexton.companion.cli import suitability as command
+from trexton.companion.executor import spreading, working_on
 from trexton.companion.experiments import suitability, virtual_flights
 from trexton.companion.experiments.floors import named_floor
 from trexton.companion.experiments.suitability import measured_over_predicted, predicted_errors
@@ -25,6 +28,7 @@ from trexton.companion.experiments.virtual_flights import (
 )
 from trexton.simulator import Floor, record_flight
 from trexton.vision.camera import Camera
+from trexton.vision.threads import usable_cores
 
 SMALL = VirtualFlights(frames=100, test_frames=30)
 
@@ -98,10 +102,11 @@ def test_a_first_number_is_of_the_same_size(floor, judged):
     assert judged["predicted_cm"] / 4 < first < 4 * judged["predicted_cm"]
 
 
-def test_equal_seeds_judge_equally(picture, judged):
-    again = judge_floor(Floor.from_file(picture, 3.0), flights=SMALL)
-    assert judged["predicted_cm"] == again["predicted_cm"]
-    np.testing.assert_array_equal(judged["heat"]["error_m"], again["heat"]["error_m"])
+def test_equal_seeds_judge_equally(picture):
+    flights = VirtualFlights(frames=25, test_frames=20)
+    first, again = (judge_floor(Floor.from_file(picture, 1.0), flights=flights) for _ in range(2))
+    assert first["predicted_cm"] == again["predicted_cm"]
+    np.testing.assert_array_equal(first["heat"]["error_m"], again["heat"]["error_m"])
 
 
 def test_names_of_painted_floors():
@@ -181,11 +186,31 @@ def test_floors_are_predicted_and_flown(picture):
     assert suitability.finding(record).startswith("Over 2 floors")
 
 
-def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, capsys):
+@pytest.fixture
+def here(monkeypatch):
+    """Pictures are judged in this process, where cameras are small; what others would be sent is
+    sent. How many processes were asked for.
+    """
+    asked = []
+
+    def alone(processes):
+        asked.append(processes)
+        return working_on(1)
+
+    def sent(function, steps, label):
+        return spreading(pickle.loads(pickle.dumps(function)), steps, label)
+
+    monkeypatch.setattr(command, "working_on", alone)
+    monkeypatch.setattr(command, "spreading", sent)
+    return asked
+
+
+def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, capsys, here):
     grey = tmp_path / "grey.png"
     cv2.imwrite(str(grey), np.full((300, 300, 3), 128, np.uint8))
     words = ["suitability", str(grey), str(picture), "--width", "1", "--frames", "30"]
     assert main([*words, "--test-frames", "20", "--out", str(tmp_path / "out")]) == 0
+    assert here == [min(2, usable_cores())]  # side by side
     said = capsys.readouterr()
     assert said.err.count("cm by first, coarse flights") == 2
     lines = said.out.splitlines()

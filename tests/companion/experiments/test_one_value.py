@@ -43,7 +43,7 @@ def agree(values: dict[str, dict]) -> None:
 
 
 def test_experiments_quote_one_value():
-    train, test = histogram_flight("hall", frames=100), histogram_flight("later", 50, noise=2)
+    train, test = histogram_flight("hall", frames=60), histogram_flight("later", 30, noise=2)
     agree(
         {
             name: module.run(train, test, module.Parameters(particles=20, **more)).values
