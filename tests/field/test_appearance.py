@@ -103,7 +103,7 @@ def test_a_search_takes_a_given_yaw_as_it_is(surveyed):
     appearance = tracked.open(texton_map, np.random.default_rng(0))
     appearance._search()
     for each in (frame, corrected_frame(frame, turn, np.zeros(4))):
-        appearance.aid(each, None)
+        appearance.aid(each, None, 0.08)
         appearance.update(each, float(tracked.survey_yaw) + 0.5)
         assert appearance.mean[3] == pytest.approx(0.5, abs=1e-9)
     assert abs(appearance._moved[0]) > 0.05  # it did turn
@@ -154,3 +154,30 @@ def test_histograms_show_no_light():
     texton_map = train_map(histogram_flight("h"), method="field", rng=np.random.default_rng(0))
     assert texton_map.parts["appearance"].open(texton_map, np.random.default_rng(0)) is None
     assert isinstance(texton_map.parts["appearance"], Tracked)
+
+
+def test_frames_in_half_the_time_show_twice_the_velocity(surveyed):
+    """And a frame that did not come halves it, with a stamp or without."""
+    floor, texton_map = surveyed
+    period = texton_map.period_s
+    simulator = Simulator(floor, camera=CAMERA, speed=0.6, rng=np.random.default_rng(2))
+    pictures = []
+    for _ in range(2):
+        simulator.step(np.array([3.0, 3.0]))
+        pictures.append(simulator.render())
+
+    def velocity(first=None, second=None, missed=0):
+        localizer = Localizer(texton_map, rng=np.random.default_rng(1))
+        localizer.step(pictures[0], time=first)
+        for _ in range(missed):
+            localizer.step(None)
+        return localizer.observation(pictures[1], time=second).aiding.velocity
+
+    usual = velocity()
+    assert np.hypot(*usual) > 0.02
+    assert velocity(5.0, 5.0 + period) == pytest.approx(usual, abs=0)
+    assert velocity(5.0, 5.0 + period / 2) == pytest.approx(2 * usual)
+    assert velocity(5.0, 5.0 + 2 * period) == pytest.approx(usual / 2)
+    assert velocity(missed=1) == pytest.approx(usual / 2)
+    alike = [velocity(5.0, stamp) for stamp in (5.0, 4.0)]  # no time passed, or a clock went back
+    assert alike == [None, None]

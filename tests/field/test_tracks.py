@@ -45,6 +45,24 @@ def test_prediction_alone_widens_the_covariance(field, motion, later):
     assert np.trace(tracker.estimate().covariance) > 4 * np.trace(before)
 
 
+def test_half_a_period_twice_is_a_period(field, motion, later):
+    """As a camera of twice the survey's rate advances it; with a velocity that is biased too."""
+    hypotheses = TrackFilter(motion, field, AREA).hypotheses
+    for place in later[0][:2]:
+        hypotheses.give_birth(place, 0.01 * np.eye(2))
+    hypotheses.prune(np.zeros(2))
+    hypotheses.states[:, 2:4] = 0.3
+    hypotheses.switch_bias()
+    states, covariances = hypotheses.states, hypotheses.covariances
+    hypotheses.predict()
+    whole = hypotheses.states, hypotheses.covariances
+    hypotheses.states, hypotheses.covariances = states, covariances
+    for _ in range(2):
+        hypotheses.predict(motion.period_s / 2)
+    assert hypotheses.states == pytest.approx(whole[0], abs=1e-9)
+    assert hypotheses.covariances == pytest.approx(whole[1], rel=1e-3, abs=1e-9)
+
+
 def test_a_kidnapped_vehicle_is_found_within_a_second(field, motion, later):
     places, histograms = later
     far = np.hypot(*(places - places[0]).T).argmax()
@@ -326,6 +344,6 @@ def test_recent_frames_together_tell_a_path_from_one_that_each_frame_takes_for_i
         recent.move(place - path[max(row - 1, 0)])
         other = [0.5 + 0.1 * (row % 3), 2.5]  # fits a little better, but does not move like it
         likely = [-np.square(field.centers - each).sum(axis=1) / 0.02 for each in (place, other)]
-        recent.add(np.logaddexp(likely[0], likely[1] + 0.5))
+        recent.add(np.logaddexp(likely[0], likely[1] + 0.5), 0.08)
     near, far = recent.near(np.array([path[-1], [0.6, 2.5]]), 0.4)
     assert near > 0.9 > 0.1 > far

@@ -11,7 +11,7 @@ from small_room import histogram_flight
 from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import MAX_CATCH_UP, Localizer, TextonMap
 from trexton.localization.map_files import load_map, save_map, to_arrays
 from trexton.localization.measurement import rank_covariances
 from trexton.localization.motion import process_covariance
@@ -180,6 +180,34 @@ def test_a_missing_frame_only_predicts(texton_map, picture_flight):
     after = localizer.step(None)
     assert not after.observed and after.neighbors is None and after.histogram is None
     assert np.linalg.norm(after.position - before.position) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("periods", "missed", "ahead"),
+    [
+        ([1, 1, 1], [0, 0, 0], [None] * 3),
+        ([2.4] * 4, [1, 2, 1, 2], [None] * 4),  # what is left over is kept
+        ([0.4] * 5, [0] * 5, [0.4] * 5),  # a quick camera: part of a period
+        ([1000], [MAX_CATCH_UP], [None]),
+        ([0, -50, 1.2], [0, 0, 0], [None] * 3),  # a clock that went back
+    ],
+)
+def test_stamps_say_how_far_the_filter_is_advanced(
+    texton_map, picture_flight, periods, missed, ahead
+):
+    period, rng = texton_map.period_s, np.random.default_rng(8)
+    localizer = Localizer(texton_map, particles=20, samples=10, rng=rng)
+    image, own, steps = picture_flight.image(0), localizer.filter.step, []
+    localizer.filter.step = lambda seen: (steps.append(seen), own(seen))
+    time = 1e9
+    localizer.step(image, time=time)
+    for apart, without, part in zip(periods, missed, ahead, strict=True):
+        steps.clear()
+        time += apart * period
+        localizer.step(image, time=time)
+        assert steps[:-1] == [None] * without
+        since = steps[-1].since_s
+        assert since is part or since == pytest.approx(part * period, rel=1e-3)
 
 
 def test_histograms_alone_make_a_map_and_refuse_images():

@@ -112,8 +112,8 @@ class TestLive:
 
     def test_missed_frames_are_predicted_over(self, film):
         flight, localizer = Script(), room_localizer()
-        seen, step = [], localizer.step
-        localizer.step = lambda picture, **known: seen.append(picture is not None) or step(picture)
+        seen, step = [], localizer.filter.step
+        localizer.filter.step = lambda frame: (seen.append(frame is not None), step(frame))
         flight.run(
             [*flight.seen(film[0]), *flight.seen(film[1]), *flight.seen(film[2], 0.4)], localizer
         )
@@ -124,8 +124,8 @@ class TestLive:
     def test_the_filter_keeps_time_with_a_camera_of_another_rate(self, film, period, steps):
         """What is left of a period at one frame counts at a later one; a frame is a step."""
         flight, localizer = Script(rate=50), room_localizer()
-        told, step = [], localizer.step
-        localizer.step = lambda picture, **known: told.append(known.get("time")) or step(picture)
+        told, step = [], localizer.filter.step
+        localizer.filter.step = lambda seen: (told.append(seen and seen.time), step(seen))
         _, fixes, *_ = flight.run(
             [each for picture in film[:12] for each in flight.seen(picture, period)], localizer
         )

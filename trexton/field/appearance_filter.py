@@ -71,7 +71,6 @@ class AppearanceFilter:
 
     def __init__(self, texton_map: TextonMap, rng: np.random.Generator, survey_yaw: float):
         self._survey_yaw, self._rng = survey_yaw, rng
-        self._period_s = texton_map.period_s
         self._evidence = FrameEvidence(texton_map, PATCHES, rng)
         self._offsets = texton_map.parts["measurement"].offsets
         drawn = self._rng.standard_normal((TRIALS, STATES))
@@ -110,9 +109,9 @@ class AppearanceFilter:
         needed = (GROUPS[self._factors > GATE]).any(axis=0)
         return np.where(needed & (np.abs(self.mean) >= DEADBAND), self.mean, 0)
 
-    def aid(self, frame: np.ndarray, aiding: Aiding | None) -> Aiding | None:
-        """What is known beside the next ``(H, W, 3) uint8`` frame, with the velocity that it shows
-        where no other is known.
+    def aid(self, frame: np.ndarray, aiding: Aiding | None, since: float) -> Aiding | None:
+        """What is known beside the next ``(H, W, 3) uint8`` frame, so many seconds since the last,
+        with the velocity that it shows where no other is known.
 
         How many metres the frame's sides are long is known by the footprints of its tiles.
         """
@@ -120,12 +119,12 @@ class AppearanceFilter:
         self._moved = np.zeros(4) if moved is None else moved
         known = Aiding() if aiding is None else aiding
         offsets, side = self._offsets, isqrt(len(self._offsets))
-        if moved is None or side < 2 or known.velocity is not None:
+        if moved is None or side < 2 or known.velocity is not None or since <= 0:
             return aiding
         sides = side * np.array([offsets[1] - offsets[0], offsets[side] - offsets[0]])  # metres
         shape = np.array(frame.shape[1::-1])
         seen = np.linalg.solve(affine(frame.shape, self._used)[:, :2], moved[2:] * shape) / shape
-        velocity = -seen @ sides / self._period_s
+        velocity = -seen @ sides / since
         return replace(known, velocity=velocity, velocity_sigma=VELOCITY_SIGMA)
 
     def update(self, frame: np.ndarray, yaw: float | None = None) -> None:

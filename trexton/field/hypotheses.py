@@ -49,21 +49,14 @@ class Hypotheses:
     def __init__(self, motion: LinearMotion, errors: ErrorModel, limit: int, cell: float):
         self.motion, self.limit, self.radius = motion, limit, SEPARATION * cell
         self._order = order = len(motion.prior_variance)
-        period_s, axes = float(motion.period_s), np.eye(2)
-        error_memory, bias_memory = np.exp(
-            -period_s / np.array([errors.time_constant_s, BIAS_TIME_S])
-        )
-        variance = errors.correlated_sigma**2
-        self._transition, self._noise, self._prior, self._bias = np.zeros((4, order + 4, order + 4))
-        self._transition[:order, :order] = motion.transition
-        self._transition[order:-2, order:-2] = error_memory * axes
-        self._transition[-2:, -2:] = bias_memory * axes
-        self._noise[:order, :order] = motion.noise
-        self._noise[order:-2, order:-2] = variance * (1 - error_memory**2) * axes
+        axes = np.eye(2)
+        self.error_variance = errors.correlated_sigma**2 * axes
+        self._error_time_s = errors.time_constant_s
+        self._prior, self._bias = np.zeros((2, order + 4, order + 4))
         self._prior[:order, :order] = np.diag(motion.prior_variance)
-        self._prior[order:-2, order:-2] = variance * axes
+        self._prior[order:-2, order:-2] = self.error_variance
         self._bias[-2:, -2:] = BIAS_SIGMA**2 * axes
-        self.error_variance = variance * axes
+        self._period = self._over(float(motion.period_s))
         self.frame, self.velocity = np.zeros((2, 2, order + 4))
         self.frame[:, :2] = self.frame[:, order:-2] = axes
         self.velocity[:, 2:4] = self.velocity[:, -2:] = axes
@@ -103,17 +96,29 @@ class Hypotheses:
         weights = np.concatenate([self.weights, BIAS_SWITCH_PROBABILITY * self.weights[alone]])
         self.weights = weights / weights.sum()
 
-    def predict(self) -> None:
-        """One frame later."""
-        order, transition, states = self._order, self._transition, self.states
+    def _over(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+        """``(D + 4, D + 4)`` transition and process noise over so many seconds."""
+        order, axes = self._order, np.eye(2)
+        error_memory, bias_memory = np.exp(-seconds / np.array([self._error_time_s, BIAS_TIME_S]))
+        transition, noise = np.zeros((2, order + 4, order + 4))
+        transition[:order, :order], noise[:order, :order] = self.motion.over(seconds)
+        transition[order:-2, order:-2] = error_memory * axes
+        transition[-2:, -2:] = bias_memory * axes
+        noise[order:-2, order:-2] = (1 - error_memory**2) * self.error_variance
+        return transition, noise
+
+    def predict(self, seconds: float | None = None) -> None:
+        """So many seconds later, or a period; a model that is not linear knows no other step."""
+        transition, noise = self._period if seconds is None else self._over(seconds)
+        order, states = self._order, self.states
         self.states = states @ transition.T
         jacobian = self.motion.jacobian(states[:, :order])
         if jacobian.ndim == 3:  # of a model that is not linear
             transition = np.repeat(transition[None], len(states), axis=0)
             transition[:, :order, :order] = jacobian
             self.states[:, :order] = self.motion.moved(states[:, :order])
-        grown = np.where(self.biased, 1 - self._transition[-1, -1] ** 2, 0.0)
-        covariances = transition @ self.covariances @ np.swapaxes(transition, -1, -2) + self._noise
+        grown = np.where(self.biased, 1 - transition[..., -1, -1] ** 2, 0.0)
+        covariances = transition @ self.covariances @ np.swapaxes(transition, -1, -2) + noise
         self.covariances = covariances + grown[:, None, None] * self._bias
 
     def innovation(

@@ -13,7 +13,7 @@ from trexton.field.field import Field
 from trexton.field.likelihood import bilinear
 
 MEMORY_S = 6.0  # time constant of forgetting
-POWER = 0.06  # of a frame's likelihood
+POWER = 0.06  # of a frame's likelihood, a period after the last
 RANGE = 20.0  # log likelihoods this far below the best count as this
 
 
@@ -21,7 +21,7 @@ class RecentFrames:
     """A log posterior over the cells of a `Field`, of the latest frames."""
 
     def __init__(self, field: Field, period_s: float):
-        self._field, self._kept = field, np.exp(-period_s / MEMORY_S)
+        self._field, self._period_s = field, period_s
         self.reset()
 
     def reset(self) -> None:
@@ -42,9 +42,10 @@ class RecentFrames:
             log = self._log.reshape(field.shape)
             self._set(bilinear(log, field.area, field.centers - whole))
 
-    def add(self, log_posterior: np.ndarray) -> None:
-        """One more frame, by its ``(M,)`` log posterior."""
-        total = self._kept * self._log + POWER * log_posterior
+    def add(self, log_posterior: np.ndarray, seconds: float) -> None:
+        """One more frame, by its ``(M,)`` log posterior, so many seconds after the one before."""
+        power = POWER * min(1.0, seconds / self._period_s)
+        total = np.exp(-seconds / MEMORY_S) * self._log + power * log_posterior
         self._set(np.maximum(total - total.max(), -RANGE))
 
     def near(self, places: np.ndarray, radius: float) -> np.ndarray:

@@ -97,6 +97,8 @@ class TrackFilter:
         """Forget where the vehicle was."""
         self.hypotheses.clear()
         self._recent.reset()
+        self._since_s = self._period_s  # of the last step
+        self._predicted_s = 0.0  # since the last frame
         self._remembers = False  # what frames said together, once it is known how they moved
         self._unsupported = 0  # frames on end that did not support the best hypothesis
         self._supported = 0  # frames that did, since it was last in doubt
@@ -109,12 +111,17 @@ class TrackFilter:
         hypotheses = self.hypotheses
         if observation is None:
             hypotheses.predict()
+            self._since_s = self._period_s
+            self._predicted_s += self._period_s
             if self._remembers:
                 self._recent.move(self._moved)
             return
         by_frame = log_posterior = self.measurement.log_posterior(observation)
         best = hypotheses.states[:1]
-        before = best[:, :2] + self._period_s * best[:, 2:4]  # where the best expects the vehicle
+        seconds = observation.since_s
+        self._since_s = self._period_s if seconds is None else seconds
+        since_frame, self._predicted_s = self._predicted_s + self._since_s, 0.0
+        before = best[:, :2] + self._since_s * best[:, 2:4]  # where the best expects the vehicle
         if not observation.familiar:
             log_posterior = np.zeros_like(log_posterior)
         elif self._tiles:  # tiles that show a rug, say, place it nowhere
@@ -129,14 +136,14 @@ class TrackFilter:
         velocity = None if measured is None else self._gated(measured, sigma)
         if velocity is not None:
             hypotheses.switch_bias()
-        hypotheses.predict()
+        hypotheses.predict(seconds)
         if velocity is not None:
             hypotheses.update_velocity(velocity, sigma**2 * np.eye(2))
             self._remembers = self._tiles and observation.motion_seen
         if self._remembers:
             self._recent.move(self._moved)
             if observation.familiar:
-                self._recent.add(log_posterior)
+                self._recent.add(log_posterior, since_frame)
         birth = np.log(BIRTH_PROBABILITY) if len(hypotheses) else 0.0
         evidence, supported = self._update_frame(cells, shares)
         log_weights = np.log(hypotheses.weights) + self._log_chance(evidence, velocity is not None)
@@ -165,8 +172,8 @@ class TrackFilter:
 
     @property
     def _moved(self) -> np.ndarray:
-        """``(2,)`` metres in a frame, as the best hypothesis has it."""
-        return self._period_s * self.hypotheses.states[:1, 2:4].sum(axis=0)
+        """``(2,)`` metres in the last step, as the best hypothesis has it."""
+        return self._since_s * self.hypotheses.states[:1, 2:4].sum(axis=0)
 
     def _weighed(self, log_weights: np.ndarray, places: np.ndarray) -> np.ndarray:
         """``(T,)`` log weights of hypotheses at ``(T, 2)`` places: of each place what the latest
@@ -250,7 +257,7 @@ class TrackFilter:
         if not aided:
             hypotheses.outliers = np.zeros(len(evidence))
             return np.log(evidence + CLUTTER_PROBABILITY)
-        stays = np.exp(-self._period_s / OUTLIER_TIME_S)
+        stays = np.exp(-self._since_s / OUTLIER_TIME_S)
         outlier = CLUTTER_PROBABILITY + (stays - CLUTTER_PROBABILITY) * hypotheses.outliers
         as_outlier = outlier * max(1.0, float(evidence.max(initial=0.0)))
         total = (1 - outlier) * evidence + as_outlier

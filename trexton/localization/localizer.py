@@ -26,6 +26,10 @@ from trexton.vision.images import MOST_SAMPLES, check_image
 
 __all__ = ["Estimate", "Localizer", "TextonMap"]
 
+MAX_CATCH_UP = 25  # predictions for missed frames; more would only spread the particles further
+STEADY_S = 1e-6  # stamps that differ from a period by less are equal to it
+QUICK = 0.5  # of a period: frames that follow each other sooner advance a filter by less than one
+
 
 class Localizer:
     """Composes the parts of a method: the same object is evaluated in the notebooks and flown on
@@ -48,6 +52,11 @@ class Localizer:
     rng : numpy.random.Generator
     **choices
         ``role``: a part, or its name; ``role.option``: a value. See `trexton.localization.methods`.
+
+    Attributes
+    ----------
+    time : float or None
+        Up to where the filter has been advanced, in seconds; None before the first frame.
 
     Raises
     ------
@@ -86,7 +95,9 @@ class Localizer:
         appearance = parts.get("appearance")
         self._appearance = None if appearance is None else appearance.open(texton_map, rng)
         odometry = parts.get("odometry")
-        self._odometry = None if odometry is None else odometry.open(texton_map.period_s)
+        self._odometry = None if odometry is None else odometry.open()
+        self.time: float | None = None
+        self._last = -np.inf  # time of the last frame
 
     @cached_property
     def nearest(self) -> NearestHistograms:
@@ -107,6 +118,7 @@ class Localizer:
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.filter.reset()
+        self.time, self._last = None, -np.inf
         for part in (self._appearance, self._odometry):
             if part is not None:
                 part.reset()
@@ -140,7 +152,7 @@ class Localizer:
         aiding : Aiding, optional
             What the autopilot knows at this frame.
         time : float, optional
-            Seconds, of the frame.
+            Seconds, of the frame; without, frames are a period of the survey apart.
         samples : int, optional
             Patches behind a histogram that is given; None if all were counted or nobody knows.
 
@@ -161,8 +173,7 @@ class Localizer:
 
     def advance(self, observation: Observation | None) -> Estimate:
         """As `step`, with an observation that was made by `observation`."""
-        if observation is None and self._odometry is not None:
-            self._odometry.missed()
+        self._catch_up(observation)
         if self._appearance is not None and observation is not None:
             observation.histogram  # noqa: B018  the appearance takes the frame first
             observation.familiar = self._appearance.settled
@@ -177,6 +188,30 @@ class Localizer:
             return replace(estimate, observed=False, measurement=None)
         histogram, neighbors = observation.computed
         return replace(estimate, observed=True, histogram=histogram, neighbors=neighbors)
+
+    def _now(self, time: float | None) -> float:
+        return (self.time or 0.0) + self.map.period_s if time is None else time
+
+    def _catch_up(self, observation: Observation | None) -> None:
+        """Advance the filter over frames that did not come, by whole periods; what is left over is
+        kept for the next frame, for a camera of another rate than the survey's leaves some at each.
+        """
+        period = self.map.period_s
+        if observation is None:
+            self.time = None if self.time is None else self.time + period
+            return
+        now = self._now(observation.time)
+        if self.time is None:
+            self.time = now
+            return
+        missed = max(0, round((now - self.time) / period) - 1)
+        for _ in range(min(missed, MAX_CATCH_UP)):
+            self.filter.step(None)
+        self.time += missed * period
+        if 0 < now - self.time < QUICK * period:
+            observation.since_s, self.time = now - self.time, now
+        else:
+            self.time = min(self.time + period, now + QUICK * period)
 
     def observation(
         self,
@@ -196,11 +231,15 @@ class Localizer:
             The frame does not fit the map.
         """
         self._check(frame)
+        now = self._now(time)
+        since, self._last = now - self._last, now
+        if abs(since - self.map.period_s) < STEADY_S:
+            since = self.map.period_s
         if self._odometry is not None and frame.ndim > 1:
-            aiding = self._odometry.aid(frame, aiding, time)
+            aiding = self._odometry.aid(frame, aiding, now)
         given = aiding
         if self._appearance is not None and frame.ndim > 1:
-            aiding = self._appearance.aid(frame, aiding)
+            aiding = self._appearance.aid(frame, aiding, since)
         observation = Observation(
             None if frame.ndim == 1 else frame,
             aiding=aiding,

@@ -35,8 +35,8 @@ FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another
 class Odometry(Part):
     """Base of all that make a velocity of frames."""
 
-    def open(self, period_s: float) -> RunningVisual:
-        """For one flight, frames without stamps `period_s` apart; see `RunningVisual`."""
+    def open(self) -> RunningVisual:
+        """For one flight."""
         raise NotImplementedError
 
 
@@ -83,43 +83,35 @@ class Visual(Odometry):
         aidings = [flight.aiding(row) for row in range(min(TRAINING_FRAMES, len(flight)))]
         places = training.positions
         sigma = [
-            _deviation(seeing.open(training.period_s), flight, places, each)
+            _deviation(seeing.open(), flight, places, each)
             for each in (aidings, [None] * len(aidings))
         ]
         return seeing.with_learned(sigma=np.array(sigma))
 
-    def open(self, period_s: float) -> RunningVisual:
-        return RunningVisual(self, period_s)
+    def open(self) -> RunningVisual:
+        return RunningVisual(self)
 
 
 class RunningVisual:
-    """`Visual` in flight, frames without stamps `period_s` apart."""
+    """`Visual` in flight."""
 
-    def __init__(self, part: Visual, period_s: float):
+    def __init__(self, part: Visual):
         camera, self._height = camera_of(part.camera)  # where nothing tells how high it flies
         self._odometry = VisualOdometry(camera, width=min(WIDTH, camera.width))
-        self._part, self._period_s = part, period_s
+        self._part = part
         self.reset()
 
     def reset(self) -> None:
         """Forget the frame before."""
         self._odometry.reset()
-        self._time, self._missed = -np.inf, 0
+        self._time = -np.inf
 
-    def missed(self) -> None:
-        """A frame did not come: time goes on."""
-        self._missed += 1
-
-    def aid(self, frame: np.ndarray, aiding: Aiding | None, time: float | None) -> Aiding | None:
-        """What is known beside the frame, with its velocity if it shows one."""
+    def aid(self, frame: np.ndarray, aiding: Aiding | None, now: float) -> Aiding | None:
+        """What is known beside a frame of `now`, in seconds, with its velocity if it shows one."""
         given = Aiding() if aiding is None else aiding
-        now = time
-        if now is None:
-            steps = (1 + self._missed) * self._period_s
-            now = self._time + steps if np.isfinite(self._time) else 0.0
         if not 0 < now - self._time <= MAX_INTERVAL_S:
             self._odometry.reset()
-        self._time, self._missed = now, 0
+        self._time = now
         motion = self._shift(frame, given, now)
         if motion is None or motion[1] < self._part.sure:
             return aiding

@@ -11,7 +11,7 @@ from trexton.base.errors import TrextonError
 from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone
-from trexton.localization.localizer import Localizer
+from trexton.localization.localizer import MAX_CATCH_UP, Localizer
 from trexton.onboard.commander import Commander, LandingLink
 from trexton.onboard.fix import STALE_AFTER, Continuity, Fix
 from trexton.onboard.intake import Aids, Grabber, Inspector
@@ -23,7 +23,6 @@ from trexton.onboard.tally import Tally, flush, say
 CLOCK_TOLERANCE = 0.5  # seconds a stamp may lie in the future
 MAX_FRAME_AGE = 60.0  # seconds: an older stamp is of another clock, a younger one of an old frame
 MIN_STAMP_STEP = 1e-3  # seconds
-MAX_CATCH_UP = 25  # predictions for missed frames; more would only spread the particles further
 CAUSES = {  # of what the frames may contradict
     "velocity": "heading, compass, height, attitude, and the odometry's camera",
     "attitude": "the camera's mount, the autopilot's level, signs and order",
@@ -77,7 +76,6 @@ class Onboard:
         self._inspector = Inspector(localizer.map.image_shape)
         self._continuity = Continuity(localizer.parts["motion"].growth, self._period)
         self.status = Status(tally, sinks, self.commander, warnings)
-        self._model_time: float | None = None  # up to here the filter has been advanced
         self._observed_at = -np.inf
         self._fix: Fix | None = None
         self._number = 0
@@ -142,7 +140,6 @@ class Onboard:
         self._number = self.tally["frames"] if frame.number is None else frame.number
         self.tally.count("frames")
         fault = "corrupt" if frame.picture is None else self._inspector.check(frame.picture)
-        self._catch_up(stamp)
         aiding = self.aids.of(frame, captured if self.source.live else stamp)
         estimate, fault = self._step(frame.picture, fault, aiding, stamp)
         if estimate.observed:
@@ -165,10 +162,8 @@ class Onboard:
     ) -> tuple[Estimate, str | None]:
         """The estimate of a frame, predicted only where the frame is at fault."""
         if fault is None:
-            # A live camera keeps no time but its own; recordings are stepped as in the notebooks.
-            time_s = stamp if self.source.live else None
             try:
-                return self.localizer.step(picture, aiding=aiding, time=time_s), None
+                return self.localizer.step(picture, aiding=aiding, time=stamp), None
             except TrextonError as error:
                 fault = "misfit"
                 if not self.tally[fault]:
@@ -187,40 +182,17 @@ class Onboard:
             event = f"{what} contradicted by the frames"
             self.report({"event": event, **off, "look at": CAUSES[what]})
 
-    def _catch_up(self, stamp: float) -> None:
-        """Advance the filter to the frame before this one of a live camera.
-
-        It goes by whole periods: what is left over is kept for the next frame, for a camera of
-        another rate than the map's leaves some at every one.
-        """
-        if not self.source.live or self._model_time is None:
-            self._model_time = stamp
-            return
-        period = self._model_period
-        periods = max(1, round((stamp - self._model_time) / period))
-        self._predict(periods - 1)
-        # No less than a step is made for a frame: what a quick camera is ahead by is no debt.
-        self._model_time = min(self._model_time + periods * period, stamp + 0.5 * period)
-
-    def _predict(self, periods: int) -> Estimate | None:
-        """Advance the filter over frames that did not come, for its uncertainty to grow
-        with time."""
-        estimate = None
-        for _ in range(min(periods, MAX_CATCH_UP)):
-            estimate = self.localizer.step(None)
-        return estimate
-
     def _bridge(self) -> None:
         """No frame in time: report what the filter predicts, until one comes."""
-        if self._model_time is None:
+        if self.localizer.time is None:
             return
         seen_until = self._clock() - self.source.delay
-        missed = int((seen_until - self._model_time) / self._model_period - 0.5)
-        estimate = self._predict(missed)
-        if estimate is not None:
+        missed = int((seen_until - self.localizer.time) / self._model_period - 0.5)
+        if missed > 0:
             self.tally.count("gap", missed)
-            self._model_time += missed * self._model_period
-            self._pass_on(estimate, self._model_time, "gap", self._model_time)
+            for _ in range(min(missed, MAX_CATCH_UP)):
+                estimate = self.localizer.step(None)
+            self._pass_on(estimate, self.localizer.time, "gap", self.localizer.time)
 
     def _pass_on(
         self, estimate: Estimate, stamp: float, fault: str | None, captured: float

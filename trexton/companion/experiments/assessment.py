@@ -79,7 +79,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             texton_map, samples=parameters.samples, rng=stream(parameters.seed, "flight", 0),
             particles=parameters.particles if method == "paper" else None,
         )  # fmt: skip
-        track = fly(localizer, frames)
+        track = fly(localizer, frames, times=test.time)
         runs[method], timings[method] = track.position, of_frames(track.step_s)
         if hasattr(texton_map.parts.get("measurement"), "predicted_error"):
             field_map = texton_map

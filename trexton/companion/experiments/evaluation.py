@@ -72,8 +72,9 @@ def flown(
     def compute() -> dict[str, np.ndarray]:
         chosen = texton_map or method_map(train, parameters, method)
         runs = tracks(
-            chosen, frames_of(test), repeats=repeats, seed=parameters.seed, label=method, **options
-        )
+            chosen, frames_of(test), repeats=repeats, seed=parameters.seed, times=test.time,
+            label=method, **options,
+        )  # fmt: skip
         return {name: np.stack([getattr(run, name) for run in runs]) for name in ARRAYS}
 
     inputs = {"train": train.data_hash, "test": test.data_hash, "method": method,

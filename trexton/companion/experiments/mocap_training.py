@@ -96,7 +96,7 @@ def train_and_fly(
     else:
         runs = tracks(
             texton_map, frames_of(test), repeats=parameters.repeats, seed=parameters.seed,
-            samples=parameters.samples, particles=parameters.particles,
+            samples=parameters.samples, particles=parameters.particles, times=test.time,
         )  # fmt: skip
     rng, known = stream(parameters.seed, "intervals"), texton_map.positions
 

@@ -138,19 +138,23 @@ def _over(
         }
     found: dict[str, dict[str, _Flown]] = {}
     for name, change in CHANGES.items():
-        frames, truth, aiding = _flight(parameters.frames, seed, floor, camera, height, change)
+        frames, times, truth, aiding = _flight(
+            parameters.frames, seed, floor, camera, height, change
+        )
         found[name] = {}
         for method, texton_map in maps.items():
             localizer = Localizer(texton_map, rng=stream(seed, "flight"))
-            track = fly(localizer, frames, aiding=aiding)
+            track = fly(localizer, frames, aiding=aiding, times=times)
             found[name][method] = (track.errors(truth), track.lost, track.held(truth))
     return found
 
 
 def _flight(
     count: int, seed: int, floor: Floor, camera: Camera, height: float, change: Change
-) -> tuple[list[np.ndarray], np.ndarray, list[Aiding]]:
-    """Frames, ``(N, 2)`` positions and aiding of the path that all changes of a floor share."""
+) -> tuple[list[np.ndarray], np.ndarray, np.ndarray, list[Aiding]]:
+    """Frames, their ``(N,)`` seconds, ``(N, 2)`` positions and aiding of the path that all changes
+    of a floor share.
+    """
     plan_rng, simulator_rng = stream(seed, "later").spawn(2)
     plan = Plan(random_waypoints(floor.area, plan_rng))
     simulator = _Turning(
@@ -159,16 +163,17 @@ def _flight(
         rng=simulator_rng,
     )  # fmt: skip
     kept = np.unique((np.arange(count) / change.rate).astype(int))
-    frames, places, aiding = [], [], []
+    frames, times, places, aiding = [], [], [], []
     for number in range(kept[-1] + 1):
         simulator.heading = np.radians(change.turn_deg) * number / kept[-1]
         simulator.step(plan.goal(simulator.vehicle.state.position))
         if number in kept:
             frames.append(simulator.render())
+            times.append(simulator.state.time)
             places.append(simulator.state.position[:2])
             yaw = float(simulator.state.attitude[2]) if change.yaw else None
             aiding.append(Aiding(yaw=yaw))
-    return frames, np.array(places), aiding
+    return frames, np.array(times), np.array(places), aiding
 
 
 def changed_floor(floor: Floor, change: Change) -> Floor:

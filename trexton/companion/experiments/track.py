@@ -86,17 +86,20 @@ def fly(
     frames: Frames,
     *,
     aiding: Sequence[Aiding] | None = None,
+    times: np.ndarray | None = None,
     counted: int | None = None,
 ) -> Track:
     """Step the localizer through all frames, aided by what an autopilot measures at each.
 
-    Where frames are histograms, `counted` patches are behind each; None: all, or nobody knows.
+    Without ``(N,)`` `times` in seconds they are a period of the survey apart. Where frames are
+    histograms, `counted` patches are behind each; None: all, or nobody knows.
     """
     estimates, step_s = [], []
     for row, frame in enumerate(frames):
         aided = None if aiding is None else aiding[row]
+        time = None if times is None else float(times[row])
         start = perf_counter()
-        estimates.append(localizer.step(frame, aiding=aided, samples=counted))
+        estimates.append(localizer.step(frame, aiding=aided, time=time, samples=counted))
         step_s.append(perf_counter() - start)
     return Track.of(estimates, np.array(step_s))
 
@@ -107,12 +110,13 @@ def tracks(
     *,
     repeats: int,
     seed: int,
+    times: np.ndarray | None = None,
     counted: int | None = None,
     label: str = "runs of the filter",
     **options: Any,
 ) -> list[Track]:
     """`repeats` independent runs; run i draws from stream ``"flight", i``."""
-    run = partial(_run, texton_map, frames, seed, counted, options)
+    run = partial(_run, texton_map, frames, seed, times, counted, options)
     return spread(run, range(repeats), label)
 
 
@@ -120,9 +124,10 @@ def _run(
     texton_map: TextonMap,
     frames: Frames,
     seed: int,
+    times: np.ndarray | None,
     counted: int | None,
     options: dict[str, Any],
     number: int,
 ) -> Track:
     localizer = Localizer(texton_map, rng=stream(seed, "flight", number), **options)
-    return fly(localizer, frames, counted=counted)
+    return fly(localizer, frames, times=times, counted=counted)
