@@ -50,6 +50,8 @@ def test_the_page_can_show_what_is_kept(name, tmp_path, monkeypatch):
     for cell in jupytext.reads(PAGES[name], "md:myst").cells:
         if cell.cell_type != "code":
             continue
+        if "figure" in cell.metadata.get("mystnb", {}):  # which one picture fits, and no words
+            assert not re.search(r"notebook\.(reference|swept)\(", cell.source)
         exec(compile(cell.source, f"{name}.md", "exec"), names)
         if "parameters" in cell.metadata.get("tags", ()):
             names["out"] = str(tmp_path)
