@@ -133,7 +133,8 @@ class TrackFilter:
         shares /= shares.sum()
         measured = observation.aiding.velocity
         sigma = observation.aiding.velocity_sigma or self.options.velocity_sigma
-        velocity = None if measured is None else self._gated(measured, sigma)
+        gate = VELOCITY_GATE_SIGMA * np.sqrt(self._speed_variance + sigma**2)
+        velocity = None if measured is None or np.abs(measured).max() > gate else measured
         if velocity is not None:
             hypotheses.switch_bias()
         hypotheses.predict(seconds)
@@ -215,11 +216,6 @@ class TrackFilter:
             or self._unsupported >= LOST_FRAMES
             or self._residual > self._novelty
         )
-
-    def _gated(self, measured: np.ndarray, sigma: float) -> np.ndarray | None:
-        """A velocity that this vehicle may have, biased or not; None beyond the gate."""
-        usual = np.sqrt(self._speed_variance + sigma**2)
-        return measured if np.abs(measured).max() <= VELOCITY_GATE_SIGMA * usual else None
 
     def _update_frame(self, cells: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Update by the frame's likelihood `shares` ``(M,)`` over `cells` ``(M, 2)``; its ``(T,)``

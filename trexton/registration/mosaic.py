@@ -270,7 +270,8 @@ def _blend(
         corner, size = _window(transform_points(map_from_world, outline), (columns, lines))
         shift = np.array([[1, 0, -corner[0]], [0, 1, -corner[1]], [0, 0, 1]])
         local, image = shift @ map_from_world @ matrix, flight.image(row)
-        sharp = feather * _sharpness(image)
+        edges = cv2.Laplacian(image[..., 0], cv2.CV_16S, ksize=1)  # small where motion blurs
+        sharp = feather * np.float32(np.square(edges, dtype=np.float32).mean() + 1e-3)
         weight = cv2.warpPerspective(sharp, local, size, flags=cv2.INTER_LINEAR)
         return corner, size, cv2.warpPerspective(image, local, size, flags=cv2.INTER_LINEAR), weight
 
@@ -287,13 +288,6 @@ def _blend(
     picture = bgr_from_yuv(np.clip(np.rint(total), 0, 255).astype(np.uint8))
     picture[~mask] = 0
     return MapImage(picture, empty.world_from_pixel, mask)
-
-
-def _sharpness(image: np.ndarray) -> np.float32:
-    """Mean squared Laplacian of the luma: small in a frame blurred by motion."""
-    edges = cv2.Laplacian(image[..., 0], cv2.CV_16S, ksize=1)
-    # Never 0: a blank frame counts too.
-    return np.float32(np.square(edges, dtype=np.float32).mean() + 1e-3)
 
 
 def _window(
