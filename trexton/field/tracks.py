@@ -134,7 +134,8 @@ class TrackFilter:
         measured = observation.aiding.velocity
         sigma = observation.aiding.velocity_sigma or self.options.velocity_sigma
         gate = VELOCITY_GATE_SIGMA * np.sqrt(self._speed_variance + sigma**2)
-        velocity = None if measured is None or np.abs(measured).max() > gate else measured
+        usual = measured is not None and np.abs(measured).max() <= gate  # NaN is not
+        velocity = measured if usual else None
         if velocity is not None:
             hypotheses.switch_bias()
         hypotheses.predict(seconds)
