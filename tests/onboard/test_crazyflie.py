@@ -109,6 +109,42 @@ def test_a_radio_that_is_lost_is_counted_and_opened_again(air, capsys):
     guard.close()
 
 
+def test_how_far_positions_may_be_off_is_said_again(air, monkeypatch):
+    """A vehicle that starts anew while the radio goes on takes them for good to a centimetre."""
+    monkeypatch.setattr("trexton.onboard.sinks.crazyflie.REPEATED_S", 0.0)
+    sink = open_sink("crazyflie:air://1", surroundings())
+    sink.open()
+    for x in (1.0, 2.0):
+        sink.write(make_fix(x, (1.0, x), 0.04 * np.eye(2)))
+        assert eventually(lambda x=x: bool(air.sent) and struct.pack("<f", x) in air.sent[-1])
+    sink.close()
+    ports = [read(data)[0] for data in air.sent]
+    assert ports == 2 * [CRTPPort.PARAM, CRTPPort.LOCALIZATION]
+
+
+def test_a_driver_that_fails_while_it_sends_is_opened_again(air, monkeypatch):
+    """cflib keeps the lock of such a link: nothing went out any more, and nothing said so."""
+    send, failed = Air.send_packet, []
+
+    def fail_once(self, packet):
+        if not failed:
+            failed.append(packet)
+            raise Exception("USB gone")
+        send(self, packet)
+
+    monkeypatch.setattr(Air, "send_packet", fail_once)
+    tally, now = Tally(), [0.0]
+    guard = Guard(open_sink("crazyflie:air://1", surroundings()), tally, lambda: now[0])
+    guard.write(make_fix(1.0))
+    assert eventually(lambda: guard.sink._why == "USB gone")
+    guard.write(make_fix(1.1))
+    now[0] += 2.0
+    guard.write(make_fix(1.2, (3.0, 2.0)))
+    assert eventually(lambda: bool(air.sent) and struct.pack("<f", 3.0) in air.sent[-1])
+    assert (tally["output"], air.opened) == (1, 2)
+    guard.close()
+
+
 @pytest.mark.parametrize(("uri", "why"), [("air://none", "Dongle"), ("sea://1", "no driver")])
 def test_no_radio_or_an_address_of_another_kind(air, uri, why):
     with pytest.raises(OSError, match=why):

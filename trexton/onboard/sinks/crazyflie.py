@@ -7,6 +7,7 @@ import math
 import queue
 import re
 import threading
+import time
 from contextlib import suppress
 from typing import Any
 
@@ -19,6 +20,7 @@ FLOAT = 0x06  # of a parameter, as the protocol numbers types
 DEVIATION = "locSrv.extPosStdDev"  # metres; as delivered 0.01, which no position here deserves
 Item = tuple[list[float], float]  # a place, and its deviation
 CHANGED = 1.2  # ratio of deviations from which on the parameter is sent anew
+REPEATED_S = 1.0  # also then: a packet is lost, and a vehicle that starts anew has its own again
 
 
 class CrazyflieSink(Sink):
@@ -45,17 +47,16 @@ class CrazyflieSink(Sink):
 
         logging.getLogger("cflib").setLevel(logging.ERROR)
         self.name, self._uri, self._local = f"crazyflie:{uri}", uri, local
-        self._crtp, self._vehicle = crtp, Crazyflie()
+        self._crtp, self._new_vehicle, self._vehicle = crtp, Crazyflie, Crazyflie()
         self._newest: queue.Queue[Item | None] = queue.Queue(maxsize=1)
-        self._deviation = math.nan  # as it was sent last
+        self._deviation, self._sent_at = math.nan, -math.inf  # as it was sent last, and when
         self._why = ""  # it failed last, for `write` to raise
 
     @classmethod
     def make(cls, address: str, options: Options, around: Surroundings) -> CrazyflieSink:
         if not re.match(r"\w+://.", address):
             raise ParameterError(
-                f"output 'crazyflie:{address}': give crazyflie:URI, as in "
-                "crazyflie:radio://0/80/2M/E7E7E7E7E7"
+                f"output 'crazyflie:{address}': give crazyflie:URI, as in crazyflie:radio://0/80/2M"
             )
         return cls(address, around.local)
 
@@ -69,10 +70,10 @@ class CrazyflieSink(Sink):
             raise OSError(str(error)) from None
         if link is None:
             raise OSError("no driver of cflib knows this address")
-        self._vehicle.link, self._newest = link, queue.Queue(maxsize=1)
-        threading.Thread(
-            target=self._run, args=(self._newest,), name=self.name, daemon=True
-        ).start()
+        # A new one: the lock of one whose link failed while it sent stays closed.
+        self._vehicle, self._newest = self._new_vehicle(), queue.Queue(maxsize=1)
+        self._vehicle.link, own = link, (self._vehicle, self._newest)
+        threading.Thread(target=self._run, args=own, name=self.name, daemon=True).start()
 
     def write(self, fix: Fix) -> None:
         if self._why:
@@ -98,13 +99,14 @@ class CrazyflieSink(Sink):
         with suppress(queue.Full):  # never by one writer
             self._newest.put_nowait(item)
 
-    def _run(self, newest: queue.Queue[Item | None]) -> None:
+    def _run(self, vehicle: Any, newest: queue.Queue[Item | None]) -> None:
         while (item := newest.get()) is not None:
             place, deviation = item
             try:
-                if not 1 / CHANGED < deviation / self._deviation < CHANGED:
-                    self._vehicle.param.set_value_raw(DEVIATION, FLOAT, deviation)
-                    self._deviation = deviation
-                self._vehicle.loc.send_extpos(place)
-            except OSError as error:
-                self._failed(error.strerror or str(error))
+                same = 1 / CHANGED < deviation / self._deviation < CHANGED
+                if not same or time.monotonic() - self._sent_at >= REPEATED_S:
+                    vehicle.param.set_value_raw(DEVIATION, FLOAT, deviation)
+                    self._deviation, self._sent_at = deviation, time.monotonic()
+                vehicle.loc.send_extpos(place)
+            except Exception as error:  # of whatever kind a driver raises
+                return self._failed(getattr(error, "strerror", None) or str(error))
