@@ -144,6 +144,15 @@ class TestLive:
         assert abs(stamps - time.monotonic()).max() < 600
         assert tally["clock"] == 3
 
+    def test_a_source_may_stamp_by_numpy(self, film):
+        flight = Script()
+        _, fixes, *_ = flight.run(
+            [step for picture in film[:3] for step in flight.seen(picture)],
+            source_clock=lambda: np.float64(flight.clock()),
+        )
+        assert [type(fix.time) for fix in fixes] == [float] * 3
+        assert {type(fix.stale) for fix in fixes} == {bool}
+
     def test_time_never_runs_backwards_after_a_stall(self, film):
         """A frame that was held up comes after predictions for later moments: what is written goes
         on, what an autopilot is told is the moment of the capture."""

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conftest import small_flight
 from onboard_flying import Film, filmed, histogram_map, room_localizer, run
-from onboard_tools import AREA, Clock, room
+from onboard_tools import AREA, Clock, field_map, room
 from patience import eventually
 
 from trexton.base.streams import stream
@@ -123,7 +123,7 @@ class TestBadFrames:
         assert tally.faults == {"corrupt": 12}
         assert [fix.stale for fix in blind] == [False] * 6 + [True] * 6  # 0.5 s are six periods
         assert np.linalg.det(blind[-1].covariance) > 2 * np.linalg.det(blind[0].covariance)
-        assert not fixes[22].stale and fixes[22].usable
+        assert not fixes[22].stale and fixes[22].observed
 
     def test_a_frozen_picture(self, film):
         fixes, tally = self.inject(film, film[9], count=8)
@@ -229,3 +229,13 @@ def test_frames_are_numbered_as_the_flight_numbers_them():
     )
     lap = [int(number) for number in flight.frame]
     assert [fix.number for fix in fixes] == lap + [number + lap[-1] + 1 for number in lap]
+
+
+def test_a_recording_is_fused_at_its_own_rate_whatever_rate_is_asked_for(film):
+    """Its frames all come: a rate lower than theirs claimed too much of each."""
+    fused = []
+    for rate in (0.1, 100.0):
+        localizer = Localizer(field_map(), rng=np.random.default_rng(1))
+        fixes, *_ = run(localizer, Film(film[:30]), rate=rate)
+        fused.append([fix.fusion.covariance for fix in fixes])
+    np.testing.assert_array_equal(*fused)

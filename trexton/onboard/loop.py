@@ -72,9 +72,10 @@ class Onboard:
         self.commander = None if zone is None else Commander(zone, landers, self.report)
         self._model_period = localizer.map.period_s
         self._period = 1 / rate if rate else self._model_period
+        self._fix_period = self._period if source.live else self._model_period
         self.aids = Aids(aiding, sinks)
         self._inspector = Inspector(localizer.map.image_shape)
-        self._continuity = Continuity(localizer.parts["motion"].growth, self._period)
+        self._continuity = Continuity(localizer.parts["motion"].growth, self._fix_period)
         self.status = Status(tally, sinks, self.commander, warnings)
         self._observed_at = -np.inf
         self._fix: Fix | None = None
@@ -129,7 +130,7 @@ class Onboard:
     def _take(self, frame: Frame) -> None:
         """Localize one frame."""
         arrived = self._clock()
-        stamp, captured = frame.time, arrived
+        stamp, captured = float(frame.time), arrived  # of NumPy's floats comes no bool
         if self.source.live:
             if not -CLOCK_TOLERANCE <= arrived - stamp <= MAX_FRAME_AGE:
                 self.tally.count("clock")  # of another clock: nobody knows how old it is
@@ -202,7 +203,7 @@ class Onboard:
         age = stamp - self._observed_at + (latency if self.source.live else 0.0)
         area = self.localizer.map.area
         fix = Fix.of(
-            estimate, stamp, self._number, area, self._period,
+            estimate, stamp, self._number, area, self._fix_period,
             stale=age > STALE_AFTER, latency=latency, fault=fault, captured=captured,
         )  # fmt: skip
         self._fix = self._continuity.mark(fix)
