@@ -46,6 +46,55 @@ def test_nothing_is_written_over_what_is_read_and_no_file_twice(outputs, flight,
     assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
 
 
+def test_a_key_that_signs_is_not_written_over_and_an_output_is_named_once(flight, capsys, tmp_path):
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o600)
+    words = ["onboard", str(flight[1]), "--camera", str(flight[0]), "--output"]
+    assert main([*words, f"csv:{key}", "--sign-key", str(key)]) == 1
+    assert "would be written over" in capsys.readouterr().err
+    assert key.read_bytes() == bytes(range(32))
+    link = "udpout:127.0.0.1:9"
+    assert main([*words, link, "--output", link]) == 1
+    assert f"output {link!r} is given twice" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--radius", "0.2"], "--radius is given without --land"),
+        (["--trigger", "touchdown"], "--trigger is given without --land"),
+        (["--allow-overconfident"], "--allow-overconfident is given without --land"),
+        (["--land", "0,0", "--trigger", "touchdown", "--spread", ".1"], "--spread is of --trigger"),
+        (["--origin", "90,0,0"], "90 is not within -89.9 to 89.9"),
+    ],
+)
+def test_options_of_a_landing_that_contradict_each_other(words, told, flight, capsys):
+    folder, path = flight
+    maps = train_map(small_flight(60), method="field", rng=np.random.default_rng(1))
+    save_map(maps, path)
+    assert main(["onboard", str(path), "--camera", str(folder), *words]) == 1
+    assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "unread"),
+    [
+        (["--component-id", "9", "--target", "1", "--laps", "2"], "--target, --component-id"),
+        (["--rate", "3", "--camera-delay", ".1"], "--camera-delay"),
+        (["--camera-delay", ".1", "--pace", "stamps"], ""),
+        (["--target", "1", "--output", "udpout:127.0.0.1:9", "--heading", "0"], ""),
+        (["--heading", "0", "--autopilot", "px4"], ""),
+    ],
+)
+def test_what_was_chosen_and_nothing_reads_is_said(words, unread, flight, capsys):
+    folder, path = flight
+    assert main(["onboard", str(path), "--camera", str(folder), "--frames", "2", *words]) == 0
+    said = capsys.readouterr().err
+    assert (f"nothing here reads {unread}\n" in said) == bool(unread)
+    assert ("nothing here reads" in said) == bool(unread)
+
+
 @pytest.mark.parametrize("images", [False, True])
 def test_what_takes_long_at_first_is_done_before_it_is_ready(images, flight, tmp_path, monkeypatch):
     """A first start compiles: the loop would be silent for seconds."""
@@ -105,6 +154,9 @@ def test_what_nobody_measured_of_a_map_is_said(flight):
     save_map(replace(texton_map, provenance=texton_map.provenance | honest), path)
     assert "WARNING" not in line() + line(method="paper")
     assert "WARNING: nobody measured" in line("recovery=augmented")
+    fewer = {Flying: Flying(camera=str(folder), particles=7)}
+    status = build(Settings(str(path), (), (), fewer)).status
+    assert "WARNING: nobody measured" in status.line(None, 0.0)
 
 
 def test_a_heading_of_more_than_a_turn_is_refused(flight, capsys):

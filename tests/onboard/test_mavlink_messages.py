@@ -175,6 +175,13 @@ class TestFields:
             turned = report(yaw=yaw, yaw_sigma=0.01)
             assert gps_input(turned, unix).yaw == sent
 
+    def test_gps_input_goes_on_beyond_the_date_line(self):
+        gps = messages.PROFILES["ardupilot-gps"](NORTH_UP, AREA, (-16.8, 180.0, 10.0))
+        sent = gps.position(None, report())
+        # One metre east of it; ArduPilot takes no longitude of more than 180 degrees.
+        along = 1.0 / (111_195 * math.cos(math.radians(16.8)))
+        assert 1e-7 * sent.lon + 180 == pytest.approx(along, abs=2e-7)
+
     def test_a_clock_that_is_set_in_flight_moves_no_receivers_time(self, monkeypatch):
         gps = messages.PROFILES["ardupilot-gps"](NORTH_UP, AREA, (52.0, 4.0, 10.0))
         before = gps.position(None, report())

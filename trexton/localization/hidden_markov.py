@@ -146,15 +146,14 @@ class ForwardFilter:
         """Advance one frame; None where nothing was observed: predict only."""
         self.belief = self._transition @ self.belief
         if observation is not None:
-            squared = self._squared_distances(observation.histogram)
+            histogram = observation.histogram
+            if self._distance.embedded:
+                offset = self._rows - self._distance.features(histogram)
+                squared = np.einsum("nk,nk->n", offset, offset)
+            else:
+                squared = np.square(self._distance.between(histogram[None], self._rows)[0])
             log_likelihood = -0.5 * squared / float(self._learned.emission) ** 2
             self.belief = _updated(self.belief, log_likelihood)
-
-    def _squared_distances(self, histogram: np.ndarray) -> np.ndarray:
-        if not self._distance.embedded:
-            return np.square(self._distance.between(histogram[None], self._rows)[0])
-        offset = self._rows - self._distance.features(histogram)
-        return np.einsum("nk,nk->n", offset, offset)
 
     def estimate(self) -> Estimate:
         """Mean and covariance of the belief, the latter widened as left-out stretches asked."""

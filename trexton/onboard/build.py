@@ -18,7 +18,7 @@ from trexton.localization.methods import parse_choices
 from trexton.onboard.commander import LandingLink
 from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, MapPlacement, MavlinkOptions, Settings
-from trexton.onboard.sinks import Guard, Surroundings, open_sink
+from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.files import JsonLines
 from trexton.onboard.sources import Source, open_source
 from trexton.onboard.tally import Tally
@@ -57,8 +57,12 @@ def build(settings: Settings) -> Onboard:
             "--arm-landing needs an output that can command it: "
             "add --output udpout:HOST:PORT or another MAVLink link"
         )
-    _check_files([settings.map, *source.files], [sink.file for sink in sinks], flying.log)
-    warnings = [_overconfidence(texton_map, settings)]
+    key = settings.of(MavlinkOptions).sign_key or settings.map
+    _check_files([settings.map, key, *source.files], [sink.file for sink in sinks], flying.log)
+    for address in settings.outputs:
+        if settings.outputs.count(address) > 1:
+            raise ParameterError(f"output {address!r} is given twice: give it once")
+    warnings = [_overconfidence(texton_map, settings), _unread(settings, source, sinks)]
     if any(sink.autopilot for sink in sinks) and settings.of(MapPlacement).heading is None:
         warnings.append("no --heading: the map's +y is taken for north")
     log = Guard(JsonLines(flying.log, events=True), tally) if flying.log else None
@@ -92,6 +96,21 @@ def _source(texton_map: TextonMap, settings: Settings) -> Source:
     if source.live:
         source.delay = settings.of(Flying).camera_delay
     return source
+
+
+def _unread(settings: Settings, source: Source, sinks: Sequence[Sink]) -> str:
+    """What was chosen and nothing here reads, if anything."""
+    read = {Flying, MapPlacement, Landing, *(each.options for each in (source, *sinks))}
+    delay = "" if source.live else "camera_delay"  # a recording's stamps are of the capture
+    flags = [
+        kind.flag(each.name)
+        for kind, chosen in settings.options.items()
+        for each in kind.declared()
+        if getattr(chosen, each.name) != each.default
+        # A camera is at its own pace, whatever is said.
+        and (each.name == delay if kind in read else each.name != "pace")
+    ]
+    return f"nothing here reads {', '.join(flags)}" if flags else ""
 
 
 def _localizer(texton_map: TextonMap, settings: Settings, touchdown: bool) -> Localizer:
@@ -132,7 +151,9 @@ def _overconfidence(texton_map: TextonMap, settings: Settings) -> str:
     """
     flying, landing = settings.of(Flying), settings.of(Landing)
     found = texton_map.provenance.get("assessment")
-    if not found or settings.choices or flying.method not in (None, texton_map.method):
+    numbers = flying.particles is None and flying.samples == Flying.samples
+    trained = numbers and not settings.choices and flying.method in (None, texton_map.method)
+    if not (found and trained):
         return "nobody measured how many positions the 90 % region of this map and method holds"
     coverage = found["coverage_90"]
     if coverage is not None and coverage >= LEAST_COVERAGE:

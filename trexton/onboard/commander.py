@@ -86,8 +86,7 @@ class Commander:
         self._began: float | None = None  # the search, on the clock that stamps the frames
 
     def update(self, estimate: Estimate, fix: Fix, now: float) -> State:
-        """Take in the latest estimate and whatever answers have come; `now` in seconds, on the
-        steady clock."""
+        """Take in the latest estimate and what was answered; `now` in seconds, steady clock."""
         inside = self._inside(estimate, fix, now)
         self._take_answers(now)
         self._take_landed_state()
@@ -175,18 +174,15 @@ class Commander:
         if now - self._asked_at > ACK_TIMEOUT and self.state is not State.LANDING:
             return  # to nothing that was asked lately
         for result in results:
-            self._take_answer(result, now)
-
-    def _take_answer(self, result: int, now: float) -> None:
-        if result == ACCEPTED:  # in whatever state: the vehicle lands
-            if self.state not in (State.LANDING, State.LANDED, State.ABORTED):
-                self._before, self._during = {}, {}
-                self._become(State.LANDING, "accepted")
-        elif result in (IN_PROGRESS, TEMPORARILY_REJECTED):
-            self._ask_at = now + ANSWER_WITHIN  # it is there: give it time, then ask again
-            self._put_off = REASONS[result]
-        elif self.state is not State.LANDED:  # also while it flickers, also after it had accepted
-            self._become(State.REFUSED, REASONS.get(result, f"result {result}"))
+            if result == ACCEPTED:  # in whatever state: the vehicle lands
+                if self.state not in (State.LANDING, State.LANDED, State.ABORTED):
+                    self._before, self._during = {}, {}
+                    self._become(State.LANDING, "accepted")
+            elif result in (IN_PROGRESS, TEMPORARILY_REJECTED):
+                self._ask_at = now + ANSWER_WITHIN  # it is there: give it time, then ask again
+                self._put_off = REASONS[result]
+            elif self.state is not State.LANDED:  # while it flickers, or after it had accepted
+                self._become(State.REFUSED, REASONS.get(result, f"result {result}"))
 
     def _take_landed_state(self) -> None:
         grounded = self._grounded()

@@ -52,8 +52,7 @@ class Grabber:
             source.open()
 
     def next(self, timeout: float) -> Frame | None:
-        """The newest frame not yet handed out, waiting up to `timeout` seconds for one;
-        None if none came."""
+        """The newest frame not yet handed out; None if none comes for `timeout` seconds."""
         if not self._source.live:
             frame = self._source.read()
             self.ended = frame is None

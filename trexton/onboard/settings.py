@@ -17,7 +17,7 @@ from trexton.onboard.intake import AIDS
 
 KEY_BYTES = 32
 COMPONENT = 191  # MAV_COMP_ID_ONBOARD_COMPUTER: what we are on the vehicle's network
-ORIGIN_LIMITS = ((-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10_000.0))  # degrees, degrees, metres
+ORIGIN_LIMITS = ((-89.9, 89.9), (-180.0, 180.0), (-1000.0, 10_000.0))  # degrees, metres; no pole
 CONSECUTIVE = 3  # estimates in a row that must lie inside
 LONGEST_DELAY = 0.4  # seconds: not much longer, and every position is stale when it is sent
 T = TypeVar("T", bound=Options)
@@ -88,10 +88,12 @@ class Landing(Options):
     def zone(self, area: tuple[float, float, float, float]) -> LandingZone | None:
         """The zone on a map of this area; raises `ParameterError` where it lies outside."""
         if self.land is None:
-            if self.arm_landing:
-                raise ParameterError(
-                    "--arm-landing is given without --land: say where, as in --land 2.5,2.5"
-                )
+            for each in self.declared():
+                if getattr(self, each.name) != each.default:
+                    raise ParameterError(
+                        f"{self.flag(each.name)} is given without --land: say where, as in "
+                        "--land 2.5,2.5"
+                    )
             return None
         x, y = _numbers("--land", self.land, (2,))
         spread = _numbers("--spread", self.spread, (1, 2))
@@ -102,13 +104,14 @@ class Landing(Options):
                 f"{x_max:g} m and y {y_min:g} to {y_max:g} m: give a place on it"
             )
         if self.trigger == "touchdown":
+            if self.spread != Landing.spread:
+                raise ParameterError("--spread is of --trigger inside: leave one of them out")
             return TouchdownZone((x, y), self.radius)
         return LandingZone((x, y), self.radius, spread, CONSECUTIVE)
 
 
 def _numbers(flag: str, text: str, counts: tuple[int, ...]) -> tuple[float, ...]:
-    """Finite numbers with commas between them; raises `ParameterError` for another count of
-    them."""
+    """Finite numbers with commas between; raises `ParameterError` for another count of them."""
     try:
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
@@ -185,17 +188,15 @@ class MavlinkOptions(Options):
         """The key to sign with; raises `ParameterError`."""
         if self.sign_key is None:
             return None
+        path = Path(self.sign_key)
         try:
-            path = Path(self.sign_key)
             key = path.read_bytes()
             if path.stat().st_mode & 0o077:
                 say(f"{path}: others can read or write this key: chmod 600 {path}")
         except OSError as error:
-            raise ParameterError(
-                f"{self.sign_key}: the key cannot be read ({error.strerror})"
-            ) from None
+            raise ParameterError(f"{path}: the key cannot be read ({error.strerror})") from None
         if len(key) != KEY_BYTES:
-            raise ParameterError(f"{self.sign_key}: {len(key)} bytes: a key has {KEY_BYTES}")
+            raise ParameterError(f"{path}: {len(key)} bytes: a key has {KEY_BYTES}")
         return key
 
 

@@ -6,6 +6,7 @@ gone; its coding and parsing of messages is used as it is.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import socket
 import termios
@@ -20,20 +21,20 @@ MAX_PEERS = 4
 
 
 def make_link(address: str) -> Link:
-    """The link, not yet open, at ``udpout:`` or ``udpin:`` HOST:PORT, or at
-    ``serial:DEVICE:BAUD``."""
+    """The link, not yet open, at ``udpout:HOST:PORT``, ``udpin:`` or ``serial:DEVICE:BAUD``."""
     kind, _, rest = address.partition(":")
     if kind == "serial":
-        device, _, baud = rest.partition(":")
-        speed = getattr(termios, f"B{baud or 921600}", None)
-        if not device or speed is None:
+        # A device may have colons of its own, as those by path have.
+        device, _, baud = (rest if ":" in rest else f"{rest}:921600").rpartition(":")
+        speed = getattr(termios, f"B{baud}", 0) if baud.isdecimal() else 0
+        if not device or not speed:
             raise ParameterError(
                 f"output {address!r}: give serial:DEVICE:BAUD with a usual rate, "
                 "as in serial:/dev/ttyAMA0:921600"
             )
         return SerialLink(device, speed)
     host, _, port = rest.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+    if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65536:
         raise ParameterError(
             f"output {address!r}: give {kind}:HOST:PORT, as in {kind}:127.0.0.1:14540"
         )
@@ -95,9 +96,8 @@ class UdpOut(Link):
 
     def receive(self) -> bytes:
         try:
-            data: bytes
             data, self._sender = self._wire.recvfrom(65536)
-            return data
+            return bytes(data)
         except BlockingIOError:
             return b""
 
@@ -136,14 +136,16 @@ class SerialLink(Link):
         line = os.open(self.device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         self._wire = os.fdopen(line, "r+b", buffering=0)
         try:
+            fcntl.flock(line, fcntl.LOCK_EX | fcntl.LOCK_NB)  # of two readers each gets half
             tty.setraw(line)
             settings = termios.tcgetattr(line)
             settings[2] = (settings[2] | termios.CLOCAL | termios.CREAD) & ~termios.CRTSCTS
             settings[4] = settings[5] = self._speed
             termios.tcsetattr(line, termios.TCSANOW, settings)
-        except termios.error as error:
+        except (OSError, termios.error) as error:
             self.close()
-            raise OSError(f"{self.device}: {error.args[-1]}") from None
+            why = "locked by another" if isinstance(error, BlockingIOError) else error.args[-1]
+            raise OSError(f"{self.device}: {why}") from None
 
     def send(self, data: bytes) -> None:
         # Half a message would garble the next.

@@ -242,7 +242,8 @@ class ArduPilotGps(Profile):
         return mavlink.MAVLink_gps_input_message(
             report.stamp_us, 0, ignored, round(1000 * seconds), int(week),
             mavlink.GPS_FIX_TYPE_3D_FIX if fixed else mavlink.GPS_FIX_TYPE_NO_FIX,
-            round(1e7 * (latitude + to_north)), round(1e7 * (longitude + to_east)),
+            round(1e7 * (latitude + to_north)),
+            round(1e7 * ((longitude + to_east + 180) % 360 - 180)),
             altitude - down, accuracy, UNKNOWN_HEIGHT, 0.0, 0.0, 0.0, 0.0, accuracy,
             math.sqrt(UNKNOWN_HEIGHT), SATELLITES if fixed else 0, yaw,
         )  # fmt: skip

@@ -74,8 +74,7 @@ class Speaker:
         self._origin_attempts = 0
 
     def tell(self, fix: Fix, now: float) -> None:
-        """Take in a new fix. A prediction is no measurement: only what an image went into is passed
-        on."""
+        """Take in a new fix. A prediction is no measurement, and is not passed on."""
         if fix.observed or not fix.usable:
             self._fix = fix if fix.finite else None
             self._told_at, self._next_at = now, -np.inf

@@ -223,6 +223,5 @@ def open_sink(
             "module:Class"
         )
     kind, name, rest = addressed
-    return kind.make(
-        rest, (options or {}).get(kind.options, kind.options()), replace(around, kind=name)
-    )
+    chosen = (options or {}).get(kind.options, kind.options())
+    return kind.make(rest, chosen, replace(around, kind=name))

@@ -60,7 +60,7 @@ class FileSink(Sink):
     def __init__(self, path: str):
         self.name = self.file = path
         self._opened: Any = None  # its descriptor, while it is open
-        self._fresh = True
+        self._fresh, self._standard = True, path == "-"
         if not self._standard:
             there = os.path.exists(path)
             try:
@@ -79,10 +79,6 @@ class FileSink(Sink):
         made = cls(address or "-")
         made.name, made.chosen = f"{around.kind}:{made.file}", options
         return made
-
-    @property
-    def _standard(self) -> bool:
-        return self.file == "-"
 
     def open(self) -> None:
         """Open for adding; the header goes in where the file is still empty."""
@@ -108,15 +104,11 @@ class FileSink(Sink):
             The disk is full, the file was deleted or moved, or the reader of a pipe is too slow:
             an error, not a wait.
         """
-        if self._regular and not self._standard and not self._in_place():
-            raise OSError(errno.ENOENT, "the file was deleted or moved; a new one is begun")
+        if self._regular and not self._standard:
+            there = os.path.exists(self.file)
+            if not (there and os.path.samestat(os.stat(self.file), os.fstat(self._opened))):
+                raise OSError(errno.ENOENT, "the file was deleted or moved; a new one is begun")
         self._add(line)
-
-    def _in_place(self) -> bool:
-        try:
-            return os.path.samestat(os.stat(self.file), os.fstat(self._opened))
-        except FileNotFoundError:
-            return False
 
     def _add(self, line: str) -> None:
         if not select.select([], [self._opened], [], 0)[1]:
@@ -126,7 +118,8 @@ class FileSink(Sink):
         written = os.write(self._opened, data)
         if written < len(data):
             if self._regular:
-                os.ftruncate(self._opened, size)  # half a line never
+                os.ftruncate(self._opened, size)  # half a line never, nor a gap in its place
+                os.lseek(self._opened, size, os.SEEK_SET)
             raise OSError(errno.ENOSPC, "the disk is full: a line was left out")
 
     def close(self) -> None:
@@ -196,9 +189,7 @@ class CsvTable(FileSink):
 
     def write(self, fix: Fix) -> None:
         values = row(fix)
-        cells = [
-            int(value) if isinstance(value, bool) else value for value in map(values.get, COLUMNS)
-        ]
+        cells = [int(each) if isinstance(each, bool) else each for each in map(values.get, COLUMNS)]
         self.add(",".join("" if cell is None else str(cell) for cell in cells))
 
 

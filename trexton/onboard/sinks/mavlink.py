@@ -113,8 +113,7 @@ class MavlinkSink(Sink):
             self.speaker.tell(fix, self._clock())
 
     def land(self, confirmation: int) -> bool:
-        """Command a landing; False while no autopilot is there to obey it, or it is in doubt which
-        one would."""
+        """Command a landing; False while no autopilot obeys it, or it is in doubt which one."""
         with self._lock:
             return self.connected and self.speaker.land(confirmation, self._clock())
 

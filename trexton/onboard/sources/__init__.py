@@ -93,8 +93,7 @@ class Source(Edge, ABC):
         return False
 
     def open(self) -> None:  # noqa: B027 - where there is something to open
-        """Begin, or begin again after a fault; raises `CameraLost` where there is nothing
-        to open."""
+        """Begin, or begin again after a fault; raises `CameraLost` where nothing is to open."""
 
     @abstractmethod
     def read(self) -> Frame | None:
