@@ -5,7 +5,7 @@ with Student's t. Nothing is aligned before it is compared: estimates and ground
 share one frame of reference.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -67,29 +67,40 @@ def mean_with_interval(rows: np.ndarray, rng: np.random.Generator) -> dict[str, 
     """
     runs, count = rows.shape
     drawn = [rows[rng.integers(runs), block_rows(count, rng)] for _ in range(500)]
-    return with_interval(np.nanmean(rows), [np.nanmean(each) for each in drawn], count)
+    return with_interval(np.nanmean(rows), np.nanmean(np.stack(drawn), axis=1), count)
 
 
-def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, float]:
-    """Statistics of one track's ``(N, 2)`` errors in cm, NaN left out; empty if none is left."""
-    absolute = absolute[np.isfinite(absolute).all(axis=1)]
-    if not len(absolute):
-        return {}
-    distance = np.hypot(*absolute.T)
-    mean, std, overall = absolute.mean(axis=0), absolute.std(axis=0), distance.mean()
+def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, np.ndarray]:
+    """Statistics of ``(T, N, 2)`` errors in cm, ``(T,)`` each: one of each track."""
+    distance = np.hypot(absolute[..., 0], absolute[..., 1])
+    mean, std, overall = absolute.mean(axis=1), absolute.std(axis=1), distance.mean(axis=1)
     return {
-        "error_cm_x": mean[0],
-        "error_cm_y": mean[1],
-        "std_cm_x": std[0],
-        "std_cm_y": std[1],
-        "axis_mean_cm": mean.mean(),
-        "axis_std_cm": std.mean(),
+        "error_cm_x": mean[:, 0],
+        "error_cm_y": mean[:, 1],
+        "std_cm_x": std[:, 0],
+        "std_cm_y": std[:, 1],
+        "axis_mean_cm": mean.mean(axis=1),
+        "axis_std_cm": std.mean(axis=1),
         "mean_cm": overall,
-        "median_cm": np.median(distance),
-        "p95_cm": np.percentile(distance, 95),
-        "rmse_cm": np.sqrt(np.mean(distance**2)),
-        "relative": overall / diagonal_cm if diagonal_cm > 0 else np.nan,
+        "median_cm": np.median(distance, axis=1),
+        "p95_cm": np.percentile(distance, 95, axis=1),
+        "rmse_cm": np.sqrt(np.mean(distance**2, axis=1)),
+        "relative": overall / (diagonal_cm if diagonal_cm > 0 else np.nan),
     }
+
+
+def _of_tracks(tracks: Iterable[np.ndarray], diagonal_cm: float) -> dict[str, np.ndarray]:
+    """Statistics of ``(N, 2)`` errors in cm, NaN left out; tracks of which none is left have none.
+
+    Those of equal length, which are nearly all, are reckoned at once.
+    """
+    by_length: dict[int, list[np.ndarray]] = {}
+    for track in tracks:
+        left = track[np.isfinite(track).all(axis=1)]
+        by_length.setdefault(len(left), []).append(left)
+    by_length.pop(0, None)
+    found = [_statistics(np.stack(alike), diagonal_cm) for alike in by_length.values()]
+    return {name: np.concatenate([each[name] for each in found]) for name in (found or [{}])[0]}
 
 
 def summarize(
@@ -129,11 +140,7 @@ def summarize(
     if count == missing:
         return result
     drawn = [absolute[rng.integers(len(runs)), block_rows(count, rng)] for _ in range(draws)]
-    of_runs, of_draws = (
-        [each for track in tracks if (each := _statistics(track, 100 * diagonal))]
-        for tracks in (absolute, drawn)
-    )
-    for name in of_runs[0]:
-        median = np.percentile([each[name] for each in of_runs], 50)
-        result[name] = with_interval(median, [each[name] for each in of_draws], count)
+    of_runs, of_draws = (_of_tracks(tracks, 100 * diagonal) for tracks in (absolute, drawn))
+    for name, values in of_runs.items():
+        result[name] = with_interval(np.percentile(values, 50), of_draws.get(name, []), count)
     return result
