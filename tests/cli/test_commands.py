@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import small_flight
 from small_loop import make_flight
@@ -97,7 +99,9 @@ def test_book_prints_what_it_made_and_found_and_fails_with_an_experiment(monkeyp
 
 
 def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, monkeypatch, capsys):
-    write_flight(make_flight(1), tmp_path / "loop")
+    flight = make_flight(1)
+    lost = np.isin(np.arange(120), (20, 21, 100))[:, None]
+    write_flight(replace(flight, position=flight.position + 50 * lost), tmp_path / "loop")
 
     def stand_in(pairs, out, *, only, settings, jobs):
         assert only == ["assessment"] and jobs == 1  # on every core
@@ -114,7 +118,10 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
     assert "frames 0 to 71 of 120 train, the later ones test" in said.err
     assert said.out.endswith(f"{out / 'report.html'}\n")
     assert "the method `paper`" in said.out
-    assert (out / "report.html").read_text("utf-8").rstrip().endswith("</html>")
+    page = (out / "report.html").read_text("utf-8")
+    assert page.rstrip().endswith("</html>") and "Mend the flight first" in page
+    for doubt in ("2 positions lie where none can be flown to", "1 position lies where none can"):
+        assert f"warning  loop: {doubt}" in said.out and f"<li>loop: {doubt}" in page
 
     failed = [Outcome("loop", "assessment", "failed", ("oops",))]
     monkeypatch.setattr(trexton.companion.build.plan, "run_experiments", lambda *_, **__: failed)
@@ -167,3 +174,16 @@ def test_a_line_tells_of_each_that_ran_and_quiet_of_none(capsys):
     set_quiet(True)
     display.finished(OUTCOMES[0])
     assert capsys.readouterr().err == ""
+
+
+def test_training_says_what_is_wrong_with_the_flight_before_it_teaches(tmp_path, capsys):
+    flight = make_flight(1)
+    lost = np.isin(np.arange(120), (20, 21, 100))[:, None]
+    write_flight(replace(flight, position=flight.position + 50 * lost), tmp_path / "lost")
+    words = ["-o", str(tmp_path / "a.npz"), "--method", "paper"]
+    assert cli.main(["train", str(tmp_path / "lost"), *words]) == 0
+    assert "warning  3 positions lie where none can be flown to" in capsys.readouterr().err
+    write_flight(replace(flight, position=1000 * flight.position + 5000), tmp_path / "mm")
+    assert cli.main(["train", str(tmp_path / "mm"), "-o", str(tmp_path / "b.npz")]) == 1
+    assert "120 of 120 positions far from its area_m" in capsys.readouterr().err
+    assert not (tmp_path / "b.npz").exists()

@@ -15,6 +15,7 @@ from trexton.base.progress import say
 from trexton.base.streams import stream
 from trexton.evaluation.held_out import LEAST_COVERAGE, Assessment, assess
 from trexton.flights.flight import Flight
+from trexton.flights.plausibility import warnings
 from trexton.localization.map_files import save_map
 from trexton.localization.methods import compose, parse_choices
 from trexton.localization.texton_map import TextonMap
@@ -62,6 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     check_not_read(arguments.output, arguments.flight)
     check_writable(arguments.output)
     flight = read_flight(arguments.flight).part_or_all("train")
+    for doubt in warnings(flight):
+        say(f"warning  {doubt}")
     choices: dict[str, Any] = {**parse_choices(arguments.settings)}
     if options.update is not None:
         return _update(options.update, flight, options, choices, arguments.output)
@@ -71,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         try:
             tried.append(_trained(flight, options, method, choices))
         except MapError as error:
-            if len(methods) == 1:
+            if method == methods[-1] and not tried:
                 raise
             say(f"method {method} is left out: {error}")
     texton_map, assessment = min(tried, key=lambda each: _demerit(each[1]))

@@ -147,6 +147,13 @@ def _positions(flight: Flight, given: np.ndarray | None) -> np.ndarray:
         raise MapError(
             f"flight {flight.name!r} has {known} frames with a position: training needs at least 3"
         )
+    low, high = np.reshape(flight.area, (2, 2)).T
+    inside = ((place >= low - flight.diagonal) & (place <= high + flight.diagonal)).all(axis=1)
+    if inside.sum() < known / 2:
+        raise MapError(
+            f"flight {flight.name!r} has {known - inside.sum()} of {known} positions far from its "
+            "area_m: correct them, or area_m"
+        )
     return place
 
 

@@ -1,6 +1,7 @@
 """The report on a flight. It is one printable page of HTML that carries everything it shows."""
 
 import re
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,13 @@ from trexton.companion.experiments.figure_files import for_phones, to_svg
 from trexton.companion.wording import as_html, middle, template_environment
 
 
-def write_report(record: Record, path: Path, player: str = "", flight: str = "") -> Path:
+def write_report(
+    record: Record, path: Path, player: str = "", flight: str = "", doubts: Sequence[str] = ()
+) -> Path:
     """Write the report of an `assessment` record to `path`; whole or not at all.
 
     `player` is the address of a page beside it that plays the test flight, `flight` the folder
-    that its commands name.
+    that its commands name, `doubts` what its check warns of.
     """
     figures = [
         (assessment.over_the_floor(record), "floor",
@@ -31,6 +34,7 @@ def write_report(record: Record, path: Path, player: str = "", flight: str = "")
          "place."),
     ]  # fmt: skip
     sections = {
+        "Mend the flight first (trexton check --repair)": doubts,
         "Where it fails": advice.where_it_fails(record),
         "What limits it": advice.what_limits(record),
         "What to do next": advice.what_next(record, flight),

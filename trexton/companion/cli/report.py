@@ -22,9 +22,10 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.companion.build.plan import run_experiments
     from trexton.companion.build.small_report import write_report
     from trexton.companion.cli.run import print_outcomes
+    from trexton.flights.plausibility import warnings
 
     out = Path(arguments.out)
-    load_pair(arguments.flight, arguments.test_flight)  # what cannot be tested is said at once
+    pair = load_pair(arguments.flight, arguments.test_flight)  # what cannot be tested is said
     pairs = [FlightPair(arguments.flight, arguments.test_flight)]
     first, *others = PAGES
     # The verdict on every core and at once; the other pages take from it what was counted.
@@ -37,13 +38,15 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.companion.experiments.assessment import finding
 
     print(finding(record), flush=True)
+    doubts = [f"{flight.name}: {doubt}" for flight in pair for doubt in warnings(flight)]
+    for doubt in doubts:
+        print(f"warning  {doubt}")
     if not arguments.no_book:
         outcomes += run_experiments(pairs, out, only=others)
     print_outcomes(outcomes, explain=False)
     player = f"{pairs[0].name}/mocap_training-player.html"
-    page = write_report(
-        record, out / "report.html", player if (out / player).is_file() else "", arguments.flight
-    )
+    player = player if (out / player).is_file() else ""
+    page = write_report(record, out / "report.html", player, arguments.flight, doubts)
     print(page)  # it is there, whatever becomes of the book
     if not arguments.no_book:
         from trexton.companion.build.make import build_small_book

@@ -35,18 +35,13 @@ POSES = {
 # encoding: type of a channel, channels, and the conversion to BGR (None: already). OpenCV names a
 # Bayer pattern by its second row's second pixel, ROS by its first.
 _ENCODINGS: dict[str, tuple[str, int, int | None]] = {
-    "bgr8": ("u1", 3, None),
+    **dict.fromkeys(("bgr8", "8uc3"), ("u1", 3, None)),
     "rgb8": ("u1", 3, cv2.COLOR_RGB2BGR),
-    "mono8": ("u1", 1, cv2.COLOR_GRAY2BGR),
-    "bgra8": ("u1", 4, cv2.COLOR_BGRA2BGR),
+    **dict.fromkeys(("mono8", "8uc1"), ("u1", 1, cv2.COLOR_GRAY2BGR)),
+    **dict.fromkeys(("bgra8", "8uc4"), ("u1", 4, cv2.COLOR_BGRA2BGR)),
     "rgba8": ("u1", 4, cv2.COLOR_RGBA2BGR),
-    "yuv422": ("u1", 2, cv2.COLOR_YUV2BGR_UYVY),
-    "uyvy": ("u1", 2, cv2.COLOR_YUV2BGR_UYVY),
-    "yuv422_yuy2": ("u1", 2, cv2.COLOR_YUV2BGR_YUY2),
-    "yuyv": ("u1", 2, cv2.COLOR_YUV2BGR_YUY2),
-    "8uc1": ("u1", 1, cv2.COLOR_GRAY2BGR),
-    "8uc3": ("u1", 3, None),
-    "8uc4": ("u1", 4, cv2.COLOR_BGRA2BGR),
+    **dict.fromkeys(("yuv422", "uyvy"), ("u1", 2, cv2.COLOR_YUV2BGR_UYVY)),
+    **dict.fromkeys(("yuv422_yuy2", "yuyv"), ("u1", 2, cv2.COLOR_YUV2BGR_YUY2)),
     "mono16": ("u2", 1, cv2.COLOR_GRAY2BGR),
     "bgr16": ("u2", 3, None),
     "rgb16": ("u2", 3, cv2.COLOR_RGB2BGR),

@@ -39,17 +39,9 @@ class TrackColumns(Options):
     body: str = option("", "of motion capture: the rigid body (default: the only one)")
 
     def of(self, table: TextTable, stamps: np.ndarray | None = None) -> tuple[PoseTrack, list[str]]:
-        """The track in order of its stamps, and what to know of it.
-
-        Parameters
-        ----------
-        stamps : (N,) int64 array, optional
-            Nanoseconds, where no column has them.
-
-        Raises
-        ------
-        FlightError
-            A column is missing, or holds something else.
+        """The track in order of its stamps, and what to know of it; `stamps` are ``(N,)`` int64
+        nanoseconds, where no column has them. Raises `FlightError` where a column is missing, or
+        holds something else.
         """
         if self.body:
             raise FlightError(f"{table.path}: no export of motion capture that is known: drop body")
@@ -113,18 +105,14 @@ def pose_track(
 
 
 def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]:
-    """The track in a file of any format that is known, and what to know of it.
+    """The track in a file of any format that is known, and what to know of it; raises `FlightError`
+    where it cannot be read as what it begins as.
 
     Parameters
     ----------
     columns : TrackColumns
         Of a table. Those of motion capture have names of their own, taken unless others than the
         defaults are asked for.
-
-    Raises
-    ------
-    FlightError
-        The file cannot be read as what it begins as.
     """
     if (log := read_log(path)) is not None:
         return log.ordered(str(path))

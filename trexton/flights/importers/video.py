@@ -87,7 +87,8 @@ def read(source: Path, settings: Settings) -> Recording:
 def estimate_offset(
     stamps: np.ndarray, motion: np.ndarray, track: PoseTrack
 ) -> tuple[float, float]:
-    """The stamp of the first frame on the track's clock, and the correlation that speaks for it.
+    """The stamp of the first frame on the track's clock, and the correlation that speaks for it;
+    raises `FlightError` where the track is shorter than two seconds, or nothing moves.
 
     The clocks may start apart by as much as leaves half of the shorter recording in common.
 
@@ -95,11 +96,6 @@ def estimate_offset(
     ----------
     stamps, motion : (N,) arrays
         Of the frames: seconds from the first, and image motion before each in pixels a second.
-
-    Raises
-    ------
-    FlightError
-        The track has no place, is shorter than two seconds, or does not move.
     """
     track = track.located()
     time = (track.time_ns - track.time_ns[0]) / NANO
