@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
@@ -95,12 +96,14 @@ def fly(
     histograms, `counted` patches are behind each; None: all, or nobody knows.
     """
     estimates, step_s = [], []
-    for row, frame in enumerate(frames):
-        aided = None if aiding is None else aiding[row]
-        time = None if times is None else float(times[row])
-        start = perf_counter()
-        estimates.append(localizer.step(frame, aiding=aided, time=time, samples=counted))
-        step_s.append(perf_counter() - start)
+    # The products of a frame are so small that threads of the BLAS mostly wait for each other.
+    with threadpool_limits(1, user_api="blas"):
+        for row, frame in enumerate(frames):
+            aided = None if aiding is None else aiding[row]
+            time = None if times is None else float(times[row])
+            start = perf_counter()
+            estimates.append(localizer.step(frame, aiding=aided, time=time, samples=counted))
+            step_s.append(perf_counter() - start)
     return Track.of(estimates, np.array(step_s))
 
 

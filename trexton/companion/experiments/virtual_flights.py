@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from trexton.base.errors import MapError
 from trexton.base.files import scratch_folder
@@ -135,7 +136,9 @@ def _errors_cm(texton_map: TextonMap, tests: list[Flight], seed: int) -> list[np
         localizer, test = Localizer(texton_map, rng=stream(seed, "flight", number)), tests[number]
         return 100 * fly(localizer, frames_of(test)).errors(test.position)
 
-    return list(ahead(errors, range(len(tests))))
+    # Here, as flights in threads would lift each other's limit.
+    with threadpool_limits(1, user_api="blas"):
+        return list(ahead(errors, range(len(tests))))
 
 
 def _expected(
