@@ -38,8 +38,9 @@ def check_image(image: np.ndarray) -> np.ndarray:
 
 
 def _swap_chroma(image: np.ndarray) -> np.ndarray:
-    first, second, third = cv2.split(image)
-    return cv2.merge((first, third, second))
+    swapped = np.empty_like(image)
+    cv2.mixChannels([image], [swapped], [0, 0, 1, 2, 2, 1])  # unlike split, no plane to fill
+    return swapped
 
 
 def yuv_from_bgr(image: np.ndarray) -> np.ndarray:
