@@ -139,35 +139,34 @@ class Floor:
             round((x_max - x_min + 2 * MARGIN) * PIXELS_PER_METRE),
             round((y_max - y_min + 2 * MARGIN) * PIXELS_PER_METRE),
         )
-        canvas = np.full((size[1], size[0], 3), GROUND, np.uint8)
+        canvas = np.empty((size[1], size[0], 3), np.uint8)
         place = MapImage.from_extent(canvas, x_min - MARGIN, y_max + MARGIN, PIXELS_PER_METRE)
         from_world = np.linalg.inv(place.world_from_pixel)
         inset = round(MARGIN * PIXELS_PER_METRE)
         shift = np.array([[1, 0, -inset], [0, 1, -inset], [0, 0, 1]])
-        self._draw(
-            canvas[inset : size[1] - inset, inset : size[0] - inset],
-            shift @ from_world @ self.picture.world_from_pixel,
-        )
+        extent = size[0] - 2 * inset, size[1] - 2 * inset
+        drawn = self._drawn(extent, shift @ from_world @ self.picture.world_from_pixel)
+        around = inset, inset, inset, inset
+        cv2.copyMakeBorder(drawn, *around, cv2.BORDER_CONSTANT, canvas, GROUND)
         _illuminate(canvas, light)
         return Texture([cv2.cvtColor(canvas, cv2.COLOR_BGR2YCrCb)], from_world)
 
-    def _draw(self, target: np.ndarray, target_from_pixel: np.ndarray) -> None:
-        """Resample the picture into `target`, which shows the ground."""
-        image, extent = self.picture.image, target.shape[1::-1]
-        coarser = 1 / np.sqrt(abs(np.linalg.det(target_from_pixel[:2, :2])))
+    def _drawn(self, extent: tuple[int, int], drawn_from_pixel: np.ndarray) -> np.ndarray:
+        """The picture resampled to so many columns and rows, on the ground."""
+        image = self.picture.image
+        coarser = 1 / np.sqrt(abs(np.linalg.det(drawn_from_pixel[:2, :2])))
         # The picture is finer than the texture: what cannot be shown is filtered out first.
         if coarser > 1.2:
             image = cv2.GaussianBlur(image, (0, 0), 0.5 * coarser)
         if self.picture.mask is None:
-            target[:] = cv2.warpPerspective(
-                image, target_from_pixel, extent, flags=cv2.INTER_CUBIC,
+            return cv2.warpPerspective(
+                image, drawn_from_pixel, extent, flags=cv2.INTER_CUBIC,
                 borderMode=cv2.BORDER_REPLICATE,
             )  # fmt: skip
-            return
         mask = self.picture.mask[..., None].astype(np.float32)
-        painted = cv2.warpPerspective(image * mask, target_from_pixel, extent)
-        alpha = cv2.warpPerspective(mask, target_from_pixel, extent)[..., None]
-        target[:] = np.rint(painted + (1 - alpha) * target)
+        painted = cv2.warpPerspective(image * mask, drawn_from_pixel, extent)
+        alpha = cv2.warpPerspective(mask, drawn_from_pixel, extent)[..., None]
+        return np.rint(painted + (1 - alpha) * np.array(GROUND, np.uint8)).astype(np.uint8)
 
 
 def _moved(rng: np.random.Generator) -> tuple[Placement, ...]:
