@@ -20,6 +20,7 @@ from trexton.flights.frames import ImageFiles
 from trexton.vision.camera import Camera, MapImage, Rectification
 from trexton.vision.histograms import SUM_TOLERANCE
 from trexton.vision.images import read_picture
+from trexton.vision.threads import ahead
 
 Area = tuple[float, float, float, float]
 
@@ -194,8 +195,10 @@ class Flight:
         return image
 
     def images(self) -> Iterator[np.ndarray]:
-        """All images in time order."""
-        return (self.image(index) for index in range(len(self)))
+        """All images in time order, decoded ahead on every processor."""
+        rows = range(len(self))
+        yield from map(self.image, rows[:1])  # with whose size the others are compared
+        yield from ahead(self.image, rows[1:])
 
     def aiding(self, row: int) -> Aiding:
         """Attitude and height as they were recorded beside the frame at `row`."""

@@ -112,7 +112,7 @@ class Scene:
     @property
     def decoding(self) -> tuple[str, Callable[[], object]]:
         """The yardstick of what works on the whole flight."""
-        return "decoding the images", lambda: list(self.flight.images())
+        return "decoding the images", lambda: list(map(self.flight.image, range(self.frames)))
 
     @cached_property
     def views(self) -> list[np.ndarray]:
