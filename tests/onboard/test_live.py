@@ -144,6 +144,17 @@ class TestLive:
         assert abs(stamps - time.monotonic()).max() < 600
         assert tally["clock"] == 3
 
+    def test_a_long_stall_is_counted_once(self, film):
+        """What was left over of a minute counted again at every prediction."""
+        flight = Script()
+
+        def caught_up():
+            assert eventually(lambda: flight.kept.fixes[-1].time >= flight.clock() - 0.2)
+
+        _, fixes, tally, _ = flight.run([*flight.seen(film[0]), flight.later(60.0), caught_up])
+        assert 745 <= tally["gap"] <= 750  # periods of 0.08 s
+        assert not any(fix.usable for fix in fixes)
+
     def test_a_source_may_stamp_by_numpy(self, film):
         flight = Script()
         _, fixes, *_ = flight.run(

@@ -189,9 +189,10 @@ class Onboard:
             return
         seen_until = self._clock() - self.source.delay
         missed = int((seen_until - self.localizer.time) / self._model_period - 0.5)
+        missed = min(missed, MAX_CATCH_UP)  # what is left comes next
         if missed > 0:
             self.tally.count("gap", missed)
-            for _ in range(min(missed, MAX_CATCH_UP)):
+            for _ in range(missed):
                 estimate = self.localizer.step(None)
             self._pass_on(estimate, self.localizer.time, "gap", self.localizer.time)
 
