@@ -201,7 +201,7 @@ def _turning(flight: Flight) -> Iterator[str]:
         return
     rows = np.flatnonzero(np.isfinite(flight.attitude[:, 2]))[:OFFSET_FRAMES]
     try:
-        turned = turns(small(flight.image(row)) for row in rows)
+        turned = turns(map(small, flight.select(rows).images()))
     except TrextonError:
         return  # said already
     found = time_offset(flight.time[rows], turned, flight.time[rows], flight.attitude[rows, 2])
