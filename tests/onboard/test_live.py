@@ -155,6 +155,13 @@ class TestLive:
         assert 745 <= tally["gap"] <= 750  # periods of 0.08 s
         assert not any(fix.usable for fix in fixes)
 
+    def test_frames_at_fault_at_a_quick_rate_keep_time(self, film):
+        """Each counted as a period: then nothing was reported for as long as they were ahead."""
+        flight, dark = Script(rate=50), np.full((96, 128, 3), 5, np.uint8)
+        covered = [step for _ in range(40) for step in flight.seen(dark, 0.04)]
+        _, fixes, *_ = flight.run([*flight.seen(film[0]), *covered, flight.blind])
+        assert fixes[-1].fault == "gap" and 0 <= flight.clock() - fixes[-1].time <= 0.16
+
     def test_a_source_may_stamp_by_numpy(self, film):
         flight = Script()
         _, fixes, *_ = flight.run(

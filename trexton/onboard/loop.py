@@ -174,7 +174,7 @@ class Onboard:
             came, own = (f"{columns}x{rows}" for rows, columns in shapes)
             say(f"trexton onboard: frames of {came}, and a map of {own}: set the camera to that")
         self.tally.count(fault)
-        return self.localizer.step(None), fault
+        return self.localizer.step(None, time=stamp), fault
 
     def _contradicted(self, what: str, **off: float) -> None:
         """Count what the frames take for wrong; once it was a second long, say it."""
