@@ -79,6 +79,12 @@ def landed(time, rng):
     return np.column_stack([3 * smooth, 2 * np.sin(np.pi * smooth)]) * (np.ptp(time) / 30)
 
 
+def brakes(time, rng):
+    """Stops within 0.3 s and stands to the end, to the last digit."""
+    pace = np.clip((0.8 * time[-1] - time) / 0.3, 0, 1)
+    return lanes(np.cumsum(pace * np.gradient(time)), rng)
+
+
 def held(way, often):
     """A slower log beside the frames: each place several times."""
     return lambda time, rng: way(time, rng)[np.arange(len(time)) // often * often]
@@ -111,6 +117,13 @@ SOUND = {
     "fixed wing": (lambda t, r: 150 * round_(t, r, (2.0, 1.0), 0.1), 10, 0.5, 2, "high attitude"),
     "photographs by GPS": (lambda t, r: lanes(t, r, (120.0, 90.0), 6.0, 7), 0.5, 0.4, 2, "high"),
     "GPS that wanders": (scaled(wander, 20), 5, 0.0, 2, "drift high"),
+    "GPS in millionths of a degree": (
+        lambda t, r: 0.1113 * np.round(wander(t, r, 2.0, 20.0) / 0.1113),
+        25,
+        0.0,
+        9,
+        "high",
+    ),
     "walk at 1 Hz": (lambda t, r: wander(t, r, 1.2, 12.0), 1, 0.05, 2, ""),
     "mocap at 200 Hz": (wander, 200, 0.0005, 6, "attitude height"),
     "mocap, micrometres": (eight, 100, 0.00003, 9, "turn"),
@@ -125,6 +138,7 @@ SOUND = {
     "held by one at 1 Hz": (held(lanes, 12), 12.5, 0.0, 3, ""),
     "start and landing": (landed, 20, 0.0, 4, ""),
     "start and landing, noisy": (landed, 20, 0.002, 4, "height"),
+    "brakes and lands": (brakes, 25, 0.0, 2, ""),
     "along a wall": (lambda t, r: lanes(t, r, (6.0, 0.0)), 12.5, 0.004, 3, ""),
     "over the origin": (lambda t, r: waypoints(t, r, 0.5, 2.0) - 1, 10, 0.0, 2, ""),
 }

@@ -125,19 +125,25 @@ def _frozen(time: np.ndarray, position: np.ndarray, top: float) -> np.ndarray:
     gaps, steps = np.diff(time), np.hypot(*np.diff(position, axis=0).T)
     equal = steps <= max(STILL * np.median(steps[steps > 0]), 1e-9 * np.abs(position).max())
     edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.astype(int), [0]])))
-    result = np.zeros(len(time), dtype=bool)
-    for first, last in edges.reshape(-1, 2):  # rows first to last are equal
+    result, held = np.zeros(len(time), dtype=bool), 0
+    runs = sorted(
+        edges.reshape(-1, 2).tolist(), key=lambda run: run[0] == 0 or run[1] == len(steps)
+    )
+    for first, last in runs:  # rows first to last are equal; those at an end come last
         if last - first + 1 < FROZEN or last - first == len(steps):
             continue
         if first and steps[first - 1] > max(JUMP * top * gaps[first - 1], SMALLEST):
             continue  # what lies elsewhere is found by its jump
         if 0 < first and last < len(steps):
             left = steps[last] > max(LEAVES * top * gaps[last], SMALLEST)
+            held = max(held, 0 if left else last - first)  # places may be rounded, as of GPS
         else:  # whoever takes off is slow at first, and whoever lands slows down before
             next_to, near = last, steps[last : last + WINDOW]
             if first:
                 next_to, near = first - 1, steps[max(0, first - WINDOW) : first]
-            left = steps[next_to] > 0.5 * top * gaps[next_to] and near.sum() > SMALLEST
+            share = 0.5 if steps[next_to] > SMALLEST else 0.75  # noise counts in small steps
+            left = steps[next_to] > share * top * gaps[next_to] and near.sum() > SMALLEST
+            left &= last - first > held
         result[first + (first > 0) : last + (first > 0)] = left
     return result
 
