@@ -251,6 +251,28 @@ def test_another_vehicle_on_the_port_gets_no_position_of_ours():
             other.close()
 
 
+def test_of_two_links_only_that_of_the_first_vehicle_is_ours():
+    """Each link had a vehicle of its own, beyond doubt: both were sent positions, and landed."""
+    clock = Clock()
+    around, own, other = surroundings(clock=clock), Peer(), Peer()
+    other.codec = mavlink.MAVLink(None, 2, 1)
+    sinks = [open_sink(f"udpout:127.0.0.1:{each.port}", around, {}) for each in (own, other)]
+    try:
+        for sink, each in zip(sinks, (own, other), strict=True):
+            sink.open()
+            assert eventually(lambda each=each: each.of("HEARTBEAT"))
+            each.send(AUTOPILOT_HEARTBEAT)
+            assert eventually(lambda sink=sink, each=each: each.codec.srcSystem in
+                              {system for system, _ in sink.speaker.listener.heard})  # fmt: skip
+        assert [sink.speaker.listener.target for sink in sinks] == [(1, 1), None]
+        assert [sink.land(0) for sink in sinks] == [False, False]
+        assert "SEVERAL VEHICLES: give --target" in sinks[0].status()
+        assert "several vehicles" in {each["event"] for each in sinks[1].news()}
+    finally:
+        for each in (*sinks, own, other):
+            each.close()
+
+
 def arrived(sink, wire: socket.socket, data: bytes, port: int) -> bool:
     """Sends it, until the sink's thread has read from its socket."""
     codec = sink._codec

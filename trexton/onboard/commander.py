@@ -32,8 +32,7 @@ class LandingLink(Protocol):
         """Results of landing commands since this was last asked, as MAV_RESULT counts them."""
 
     def phase(self) -> Mapping[str, object]:
-        """What tells a landing from any other flight, and whether the vehicle is ``grounded``, as
-        far as it is known."""
+        """What tells a landing from any other flight, and whether it is ``grounded``, if known."""
 
 
 class State(Enum):

@@ -85,8 +85,7 @@ class Status:
         return f"x {x:.2f} y {y:.2f} m, spread {fix.spread[0]:.2f} {fix.spread[1]:.2f} m{flags}"
 
     def summary(self) -> dict[str, Any]:
-        """Counts, latencies in seconds and the most memory in bytes over the whole run; and how a
-        landing stood at its end."""
+        """Counts, latencies in seconds, most memory in bytes; how a landing stood at the end."""
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         landing = {} if self.commander is None else {"landing": self.commander.state.value}
         return landing | {

@@ -44,6 +44,8 @@ class Listener:
     local : LocalFrame
     component : int
         Our own number: answers to another's commands are none to us.
+    heard : dict, optional
+        Takes every autopilot that may be ours, in order; one for all links of a flight.
 
     Attributes
     ----------
@@ -59,10 +61,11 @@ class Listener:
         named: tuple[int | None, int | None] = (None, None),
         local: LocalFrame | None = None,
         component: int = COMPONENT,
+        heard: dict[tuple[int, int], None] | None = None,
     ):
         self._named, self._local, self._component = named, local or LocalFrame(), component
         self.target: tuple[int, int] | None = None
-        self.heard: set[tuple[int, int]] = set()  # every autopilot that may be ours
+        self.heard = {} if heard is None else heard
         self.heard_at = -np.inf
         self.boots, self._awake_ms, self._began = 0, 0, -np.inf
         self.twins = self.signs = False
@@ -151,12 +154,12 @@ class Listener:
         if any(own not in (None, number) for own, number in zip(self._named, who, strict=True)):
             return
         if who not in self.heard:
-            self.heard.add(who)
+            self.heard[who] = None
             if len(self.heard) > 1:
                 heard = ", ".join(f"{each}/{part}" for each, part in sorted(self.heard))
                 advice = "name ours with --target; no landing until then"
                 self.news.append({"event": "several vehicles", "heard": heard, "do": advice})
-        if self.target is None:
+        if self.target is None and who == next(iter(self.heard)):
             self.target = who
             self.news.append({"event": "autopilot", "system": system, "component": component})
         if self.target == who:

@@ -11,7 +11,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -64,6 +64,8 @@ class Surroundings:
     tally : Tally
     aiding : {"tilt", "all", "none"}
         What of the other side's knowledge is used.
+    heard : dict
+        The autopilots of all links.
     target : (2,) array or None
         Centre of the landing zone, metres on the map, where there is one.
     clock : callable
@@ -80,6 +82,7 @@ class Surroundings:
     target: np.ndarray | None = None
     clock: Callable[[], float] = time.monotonic
     kind: str = ""
+    heard: dict[tuple[int, int], None] = field(default_factory=dict)
 
 
 class Sink(Edge, ABC):

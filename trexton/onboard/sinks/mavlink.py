@@ -80,7 +80,7 @@ class MavlinkSink(Sink):
             raise ParameterError("--landing-target sends the centre of a zone: add --land X,Y")
         target = around.target if options.landing_target else None
         profile = PROFILES[options.autopilot](around.local, around.area, options.place, target)
-        listener = Listener(options.addressee, around.local, options.component_id)
+        listener = Listener(options.addressee, around.local, options.component_id, around.heard)
         speaker = Speaker(
             profile, around.motion_rate, listener, options.place,
             aiding=around.aiding, send_yaw=options.send_yaw,

@@ -97,8 +97,7 @@ class Source(Edge, ABC):
 
     @abstractmethod
     def read(self) -> Frame | None:
-        """The next frame, or None after the last; raises `CameraLost` where opening again
-        may help."""
+        """The next frame, None after the last; raises `CameraLost` where opening may help."""
 
     def decoded(self, frame: Frame) -> Frame:
         """A frame that was read, with its picture as it is localized.
