@@ -122,7 +122,7 @@ SOUND = {
         25,
         0.0,
         9,
-        "high",
+        "",
     ),
     "walk at 1 Hz": (lambda t, r: wander(t, r, 1.2, 12.0), 1, 0.05, 2, ""),
     "mocap at 200 Hz": (wander, 200, 0.0005, 6, "attitude height"),
