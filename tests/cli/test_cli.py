@@ -70,6 +70,7 @@ def test_a_fault_is_one_sentence_and_status_1(words, message, tmp_path, flight_f
         (["onboard", "m", "--land", "2,2", "--radius", "1", "--land=3,3"], "--land: given twice"),
         (["onboard", "m", "--camera=a", "--camera", "b"], "--camera: given twice, 'a' and 'b'"),
         (["train", "f", "-o", "a", "--output", "a"], "-o/--output: given twice"),
+        (["data", "fetch", "x", "--out", "a", "--out", "b"], "--out: given twice"),
     ],
 )
 def test_an_option_that_comes_twice_is_wrong_usage(words, told, capsys):

@@ -51,9 +51,15 @@ def help_line(module: str) -> str:
     return paragraph.partition("``: ")[2] or paragraph
 
 
-class _Once(argparse.Action):
+class _Parser(argparse.ArgumentParser):
     """Refuses an option that comes twice: one of its values would be passed over in silence."""
 
+    def __init__(self, **how: Any):
+        super().__init__(**how)
+        self.register("action", None, _Once)
+
+
+class _Once(argparse.Action):
     def __call__(self, parser: object, named: Any, values: object, option: Any = None) -> None:
         given = named.__dict__.setdefault("given", set())
         if option is not None and self.dest in given:
@@ -65,7 +71,7 @@ class _Once(argparse.Action):
 
 def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argparse.ArgumentParser:
     """The parser for the `words` typed; only the module of the `chosen` verb is imported."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="trexton", description="Texton-based global localization for micro aerial vehicles."
     )
     parser.add_argument("--version", action="version", version=f"trexton {__version__}")
@@ -76,7 +82,6 @@ def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argpar
         command = commands.add_parser(
             name, help=said.partition(". ")[0].rstrip("."), description=said[:1].upper() + said[1:]
         )
-        command.register("action", None, _Once)
         command.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
         _add_plugin(command)
         command.set_defaults(words=list(words))

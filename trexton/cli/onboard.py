@@ -97,11 +97,8 @@ def _classes(words: Sequence[str]) -> list[type[Options]]:
 
 
 def set_elsewhere(event: threading.Event) -> None:
-    """Set an event from a signal handler, whatever the thread that it interrupts is at.
-
-    That one may hold the event's lock, and setting it there would wait for that lock for ever: a
-    thread of its own waits instead, begun without any lock.
-    """
+    """Set an event from a signal handler. The thread that it interrupts may hold the event's lock:
+    one of its own waits for that, begun without any."""
     _thread.start_new_thread(event.set, ())
 
 

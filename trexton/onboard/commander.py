@@ -96,8 +96,7 @@ class Commander:
         elif inside and self.state in (State.WATCHING, State.ASKED):
             self._ask(fix, now)
         elif self.state is State.ASKED:
-            # Also between two attempts: a vehicle that has drifted out must not be sent a command
-            # made for another place.
+            # Also between two attempts: the command was made for another place than it is at now.
             self._become(State.WATCHING, "the conditions no longer hold")
         return self.state
 

@@ -139,8 +139,7 @@ class Inspector:
         if self.shape is not None and picture.shape[:2] != self.shape:
             return "size"
         sample = picture[::SAMPLE_STRIDE, ::SAMPLE_STRIDE].copy()
-        # Sensor noise alone makes two frames differ: equal bytes mean that the camera
-        # repeats itself.
+        # Sensor noise alone makes two frames differ: a camera of equal bytes repeats itself.
         same = self._last is not None and np.array_equal(sample, self._last)
         self._last = sample
         luma = sample[..., 0]

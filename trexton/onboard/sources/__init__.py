@@ -102,8 +102,8 @@ class Source(Edge, ABC):
     def decoded(self, frame: Frame) -> Frame:
         """A frame that was read, with its picture as it is localized.
 
-        What takes long belongs here: a live source is read to its end without it, so that nothing
-        waits in the device, driver or network, and only the newest frame is worked on.
+        What takes long belongs here: a live source is read to its end without it, and only its
+        newest frame is worked on.
         """
         return frame
 
