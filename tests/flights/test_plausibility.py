@@ -352,6 +352,21 @@ def test_stamps_in_days_are_seconds_again():
                                np.diff(flight.time), atol=1e-9)  # fmt: skip
 
 
+@pytest.mark.parametrize("kind", ["circle, steady turn", "lanes, nose ahead", "fast quadrotor"])
+def test_a_repair_of_angles_leaves_those_that_are_radians(kind):
+    flight = sound(kind, 5, 400)
+    degrees = np.degrees(flight.attitude)
+    mixed = np.column_stack([flight.attitude[:, :2], degrees[:, 2]])
+    (doubt,) = warnings(replace(flight, attitude=mixed))
+    assert "degrees?" in doubt and doubt.done == "yaw read as degrees"
+    again = doubt.mend(replace(flight, attitude=mixed))
+    np.testing.assert_allclose(again.attitude, flight.attitude, atol=1e-9)
+    late = np.where(np.arange(400)[:, None] > 250, degrees, flight.attitude)
+    for unsure in (late, 100 * degrees):  # some rows, and hundredths: named, not mended
+        (doubt,) = warnings(replace(flight, attitude=unsure))
+        assert "degrees?" in doubt and doubt.mend is None
+
+
 @pytest.mark.parametrize("height", [None, 1.5])
 def test_a_slow_walk_in_centimetres_is_named(height):
     time = np.arange(200) * 0.08

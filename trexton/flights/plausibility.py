@@ -1,7 +1,5 @@
-"""Plausibility checks of a flight that can be read: positions, stamps, splits and images.
-
-Each check is a function that gives a `Doubt` for what is probably not as meant: a sentence with
-what to do about it, and how that is done where it can be; `warnings` runs all of them.
+"""Plausibility checks of a flight that can be read. Each gives a `Doubt` for what
+is probably not as meant, with what to do about it; `warnings` runs all of them.
 """
 
 from collections.abc import Callable, Iterator
@@ -25,15 +23,13 @@ SLOW = 3.0, 0.02  # seconds between frames and metres a second that hardly come 
 _SMALLER = (("millimetres", 1e-3), ("centimetres", 1e-2))
 _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("milliseconds", 1e-3, 0.0))
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
-MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
-FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
-MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
+MAX_HEIGHT_RATIO, FLOOR_RATIO = 5.0, 20.0  # heights, and the floor's picture, by the diagonal
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
 OFFSET_FRAMES = 400  # whose turning is measured
-TURNED = 0.5  # radians of yaw that other numbers would hardly look down over
+TURNED, MAX_TILT = 0.5, 0.35  # radians: of yaw, to know axes by; half of a flight is more level
 
 
-def _scaled(factor: float, *columns: str) -> Callable[[Flight], Flight]:
+def _scaled(factor: float | np.ndarray, *columns: str) -> Callable[[Flight], Flight]:
     """Multiplies columns, and the area with the positions where it is their own."""
 
     def mend(flight: Flight) -> Flight:
@@ -101,10 +97,9 @@ def _tracking(flight: Flight) -> Iterator[str]:
 
 def _median_speed(flight: Flight) -> float:
     """Metres a second; NaN where too few places are known, or stamps are of another unit."""
-    rows = np.flatnonzero(flight.located)
-    steps, gaps = np.hypot(*np.diff(flight.position[rows], axis=0).T), np.diff(flight.time[rows])
-    timed = len(rows) > 2 and np.median(gaps) >= SHORTEST
-    return float(np.median(steps / gaps)) if timed else np.nan
+    steps, gaps = (np.diff(each[flight.located], axis=0) for each in (flight.position, flight.time))
+    timed = len(gaps) > 1 and np.median(gaps) >= SHORTEST
+    return float(np.median(np.hypot(*steps.T) / gaps)) if timed else np.nan
 
 
 def _speed(flight: Flight) -> Iterator[str]:
@@ -158,13 +153,18 @@ def _angles(flight: Flight) -> Iterator[str]:
         return
     rows = np.flatnonzero(np.isfinite(flight.attitude).all(axis=1))
     largest = np.abs(flight.attitude[rows]).max(axis=1, initial=0)
-    far = largest > MAX_ANGLE
+    far = largest > axes.MAX_ANGLE
     if far.any():
+        # In radians half of a flight is near to level: else roll and pitch are in degrees, too.
+        tilted = np.median(np.abs(flight.attitude[rows, :2]).max(axis=1)) > MAX_TILT
+        factors = np.where((tilted, tilted, True), np.pi / 180, 1.0)
+        # Some rows may be in radians, none of which is above 3.2; or all in hundredths of degrees.
+        sure = far.mean() > 0.7 or (largest[~far] > 3.2).mean() > 0.2
         yield Doubt(
             f"{far.sum()} of {len(rows)} attitudes hold an angle of up to {largest.max():.4g} rad "
             f"(first: frame {_first(flight, rows, far)}): degrees? write radians",
-            "angles read as degrees",
-            _scaled(np.pi / 180, "attitude"),
+            f"{'angles' if tilted else 'yaw'} read as degrees",
+            _scaled(factors, "attitude") if sure and largest.max() <= 720 else None,
         )
         return
     gaps = np.diff(flight.time[rows])

@@ -95,12 +95,8 @@ def _jpeg_ends(data: bytes) -> bool:
 
 
 def check_capture(capture: Any, source: object) -> None:
-    """Refuse an opened video whose frames are larger than a camera's picture can be.
-
-    Raises
-    ------
-    ImageError
-        They have more than `MOST_PIXELS`.
+    """Refuse an opened video whose frames are larger than a camera's picture can be, of more than
+    `MOST_PIXELS`, by an `ImageError`.
     """
     width, height = cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT
     _check_size(source, (capture.get(width), capture.get(height)))
@@ -154,12 +150,8 @@ def size_of(file: Path) -> tuple[int, int]:
 
 
 def decode_image(data: bytes) -> np.ndarray:
-    """``(H, W, 3) uint8`` Y, U, V of the bytes of an image file.
-
-    Raises
-    ------
-    ImageError
-        They are no image, or end too soon.
+    """``(H, W, 3) uint8`` Y, U, V of the bytes of an image file; raises `ImageError` where they
+    are no image, or end too soon.
     """
     cut = cut_short(data)
     image = None if cut else decode(data)

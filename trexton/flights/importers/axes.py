@@ -11,6 +11,7 @@ import numpy as np
 from trexton.base.options import option
 
 LOOKS_DOWN = 30.0  # degrees from straight down, in half of the frames, up to which nothing is said
+MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
 SURELY_DOWN = 15.0  # where another reading of a quaternion must lead to be named
 TAKEN = "quaternions taken as those of axes "  # and a name: what an import says, and notes
 
@@ -100,7 +101,7 @@ def looks_away(attitude: np.ndarray) -> str:
     with the likely causes; empty where it does.
     """
     tilt = _tilts(attitude, 0.5)
-    if not tilt > LOOKS_DOWN:
+    if not tilt > LOOKS_DOWN or np.nanmax(np.abs(attitude)) > MAX_ANGLE:  # those are degrees
         return ""
     causes = (
         "another order of the quaternion (--quaternion), other axes (--axes), or a camera that "

@@ -14,12 +14,10 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.importers.autopilot import read_log
-from trexton.flights.importers.axes import axes_option, camera_attitude
+from trexton.flights.importers.axes import MAX_ANGLE, axes_option, camera_attitude
 from trexton.flights.importers.mocap import read_motion_capture
 from trexton.flights.importers.recording import PoseTrack
 from trexton.flights.tables import LENGTHS, TIMES, TextTable, is_number, read_table
-
-FULL_TURNS = 4 * np.pi  # radians: a yaw that is counted on through two turns
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ class TrackColumns(Options):
         if self.yaw:
             yaw = _column(table, self.yaw)
             largest = float(np.nanmax(np.abs(yaw), initial=0))
-            if not self.degrees and largest > FULL_TURNS:
+            if not self.degrees and largest > MAX_ANGLE:
                 said = [
                     f"{where}: yaw of up to {largest:.4g}, beyond two turns in radians: degrees? "
                     "give --degrees"
