@@ -44,18 +44,29 @@ class Flight:
                 str(save_map(texton_map or room_map(), folder / "map.npz")),
                 *("--camera", str(camera), "--rate", "50", "--log", str(self._log)),
                 *("--output", f"udpout:127.0.0.1:{autopilot.port}"),
-                *("--land", f"{ZONE[0]},{ZONE[1]}", "--radius", "1.0", "--spread", "0.8"),
+                *("--land", f"{ZONE[0]},{ZONE[1]}", "--radius", "1.0"),
+                *(() if "touchdown" in more else ("--spread", "0.8")),
                 *("--arm-landing", *more),
             ],
             stderr=subprocess.PIPE,
             text=True,
         )
-        self._stream = open(camera, "wb", buffering=0)
+        descriptor = eventually(lambda: self._opened(camera))
+        os.set_blocking(descriptor, True)
+        self._stream = open(descriptor, "wb", buffering=0)
         self._stream.write(
             b"YUV4MPEG2 W%d H%d F25:2 Ip A1:1 C444 XCOLORRANGE=FULL\n"
             % (CAMERA.width, CAMERA.height)
         )
         assert eventually(lambda: self.film() or autopilot.address is not None)
+
+    def _opened(self, camera) -> int | None:
+        """The pipe once the script reads it; a script that ended would be waited for for ever."""
+        assert self.script.poll() is None, self.script.stderr.read()
+        try:
+            return os.open(camera, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:
+            return None
 
     def film(self) -> None:
         film(self._stream, self.simulator.render())
