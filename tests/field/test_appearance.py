@@ -35,7 +35,7 @@ def surveyed(tmp_path_factory):
     floor = Floor.painted("hall", 3)
     flight = record_flight(
         tmp_path_factory.mktemp("appearance") / "survey",
-        pattern="survey", frames=400, seed=1, floor=floor, every=2, camera=CAMERA,
+        pattern="survey", frames=280, seed=1, floor=floor, every=2, camera=CAMERA,
     )  # fmt: skip
     return floor, train_map(flight, method="field", rng=np.random.default_rng(0))
 

@@ -119,12 +119,17 @@ def test_frames_of_any_size_are_looked_at():
     assert len(turns([])) == 0
 
 
-@pytest.mark.parametrize("what", ["late", "clockwise", "as it is"])
-def test_a_recorded_flight_whose_clocks_differ_is_named(tmp_path, what):
-    flight: Flight = record_flight(
-        tmp_path / "flight", frames=160, camera=Camera(160, 120, 130.0), pattern="waypoints",
-        effects=Effects(yaw=0.2),
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory) -> Flight:
+    """One that turns."""
+    return record_flight(
+        tmp_path_factory.mktemp("turning") / "flight", frames=160, camera=Camera(160, 120, 130.0),
+        pattern="waypoints", effects=Effects(yaw=0.2),
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("what", ["late", "clockwise", "as it is"])
+def test_a_recorded_flight_whose_clocks_differ_is_named(flight, tmp_path, what):
     shifted = flight
     if what == "late":
         before = flight.time + 0.24
