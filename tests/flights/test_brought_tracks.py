@@ -306,3 +306,14 @@ def test_a_trajectory_is_read_with_the_units_and_order_that_are_given(tmp_path):
     np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, 30]] * 9, atol=1e-9)
     with pytest.raises(FlightError, match="3 columns: expected four"):
         read_track(tmp_path / "t.csv", TrackColumns(quaternion="qx,qy,qz"))
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"), [(1, "radians? leave --degrees out"), (180 / np.pi, "")]
+)
+def test_a_yaw_in_radians_is_none_in_degrees(tmp_path, factor, said):
+    yaw = factor * np.angle(np.exp(0.2j * np.arange(60)))
+    rows = [f"{i / 10},{i},0,{each}" for i, each in enumerate(yaw)]
+    (tmp_path / "t.csv").write_text("t,x,y,yaw\n" + "\n".join(rows))
+    _, lines = read_track(tmp_path / "t.csv", TrackColumns(yaw="yaw", degrees=True))
+    assert [said in line for line in lines] == ([True] if said else [])

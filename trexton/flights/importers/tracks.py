@@ -67,6 +67,9 @@ class TrackColumns(Options):
                     f"{where}: yaw of up to {largest:.4g}, beyond two turns in radians: degrees? "
                     "give --degrees"
                 ]
+            wraps = np.abs(np.abs(np.diff(yaw)) - 2 * np.pi) < 0.2
+            if self.degrees and largest < 6.3 and wraps.any():
+                said = [f"{where}: yaw of up to {largest:.3g} wraps: radians? leave --degrees out"]
             yaw = np.radians(yaw) if self.degrees else yaw
             attitude = np.column_stack([np.zeros((len(yaw), 2)), yaw])
         track, order = PoseTrack(stamps, position, attitude).ordered(where, lines)
