@@ -377,3 +377,11 @@ def test_a_slow_walk_in_centimetres_is_named(height):
     (doubt,) = warnings(replace(flight, position=100 * turn, area=(0, 500, 0, 500)))
     assert "positions in centimetres?" in doubt
     np.testing.assert_allclose(doubt.mend(replace(flight, position=100 * turn)).position, turn)
+
+
+def test_metres_of_gps_are_not_taken_for_centimetres():
+    time = np.arange(40.0)
+    place = np.column_stack([20.0 * (time % 2), 25 + 25 * np.cos(time)])
+    flight = replace(sound("circle", 3, 40), time=time, position=place, area=(-5, 25, -5, 55))
+    assert any("centimetres" in doubt for doubt in warnings(flight))
+    assert not warnings(replace(flight, origin=(47.0, 8.0)))

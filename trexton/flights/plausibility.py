@@ -1,6 +1,5 @@
-"""Plausibility checks of a flight that can be read. Each gives a `Doubt` for what
-is probably not as meant, with what to do about it; `warnings` runs all of them.
-"""
+"""Plausibility checks of a flight that can be read; `warnings` runs all of them, and each gives a
+`Doubt` for what is probably not as meant, with what to do about it."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -106,7 +105,8 @@ def _speed(flight: Flight) -> Iterator[str]:
     speed = _median_speed(flight)
     extent = np.ptp(flight.position[flight.located], axis=0).max() if speed > 0 else 0.0
     height = MAX_MEDIAN_SPEED if flight.height is None else np.nanmedian(np.abs(flight.height))
-    turning = speed > FAST and speed * np.ptp(flight.time) > 2 * extent  # to and fro
+    known = flight.origin is not None or speed <= FAST  # metres of GPS are metres
+    turning = not known and speed * np.ptp(flight.time) > 2 * extent  # to and fro
     turning &= speed**2 > MAX_TURN * extent / 2 or speed > FAST * height
     if speed > MAX_MEDIAN_SPEED or turning:
         # What leaves about a walk in about a room.
