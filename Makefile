@@ -16,7 +16,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench full lab lock crate sbom audit clean rooms frontier
+.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench full lab lock crate sbom audit clean rooms frontier proof
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -96,7 +96,7 @@ full: env  ## the long sweep of data/sweeps, fine, landings, aiding and survey d
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only density \
 	  --out results/full --set floors=10
 	cp results/full/sim-survey/density.json data/reference/density.json
-	$(MAKE) rooms frontier
+	$(MAKE) rooms frontier proof
 
 rooms: env  ## every method in rooms that change, ten floors for a minute each, result to data/reference
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only rooms \
@@ -105,6 +105,9 @@ rooms: env  ## every method in rooms that change, ten floors for a minute each, 
 
 frontier: env  ## error against CPU time of every method and peer, ten floors (8 CPU minutes), result to data/reference
 	$(ALONE) $(BIN)/python tests/frontier.py
+
+proof: env  ## what autopilots fuse, and wrong places held back, twenty floors (14 CPU minutes), result to data/reference
+	$(BIN)/python tests/proof.py $(ARGS)
 
 lab: env  ## open the notebooks in JupyterLab
 	@$(BIN)/jupyter lab notebooks

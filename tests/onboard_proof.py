@@ -4,7 +4,9 @@ capture: the whole way from frames to messages to the fused position.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from onboard_autopilot import AUTOPILOT_HEARTBEAT, attitude, from_autopilot
@@ -17,7 +19,11 @@ from trexton.onboard.fix import Continuity, Fix, LocalFrame
 from trexton.onboard.mavlink.listener import Listener
 from trexton.onboard.mavlink.messages import PROFILES
 from trexton.onboard.mavlink.speaker import Speaker
+from trexton.simulator import Floor, record_flight
 
+SURVEY, FRAMES = 800, 415  # frames of the flights over a painted floor
+DELAYS_S = (0.0, 0.06, 0.15)  # of the camera
+BOUNDS_M = {"px4": 0.01, "ardupilot": 0.1}  # least deviations that the page gives for `fine`
 TICK = 0.01  # seconds
 G = 9.81
 SETTLED_S = 4.0  # after the first message that is fused
@@ -33,20 +39,49 @@ def estimator(profile: str, floor: float | None = None) -> Delayed:
     return made
 
 
-def fixes(texton_map: TextonMap, test: Flight, seed: int = 1) -> list[Fix]:
-    """What the loop hands to its sinks of each frame, flown as it is recorded."""
+def flights(folder: Path, layout: str, seed: int, frames: int = FRAMES) -> tuple[Flight, Flight]:
+    """A survey of a painted floor, and a later flight over it."""
+    floor = Floor.painted(layout, seed)
+    survey = record_flight(folder / "survey", floor=floor, seed=seed, frames=SURVEY)
+    pattern = "waypoints"
+    return survey, record_flight(
+        folder / "test", pattern=pattern, floor=floor, seed=seed + 1, frames=frames
+    )
+
+
+def estimated(texton_map: TextonMap, test: Flight, seed: int = 1) -> list[Fix]:
+    """Of each frame what the localizer says, flown as it is recorded."""
     localizer = Localizer(texton_map, rng=np.random.default_rng(seed))
-    continuity = Continuity(localizer.parts["motion"].growth, texton_map.period_s)
     made = []
     for row, time in enumerate(test.time.tolist()):
         if test.has_images:
             aiding = test.aiding(row).without_heading()
-            estimate = localizer.step(test.image(row), aiding=aiding)
+            estimate = localizer.step(test.image(row), aiding=aiding, time=time)
         else:
-            estimate = localizer.step(test.histograms[row])
-        fix = Fix.of(estimate, time, row, texton_map.area, texton_map.period_s)
-        made.append(continuity.mark(fix))
+            estimate = localizer.step(test.histograms[row], time=time)
+        made.append(Fix.of(estimate, time, row, texton_map.area, texton_map.period_s))
     return made
+
+
+def held_back(made: list[Fix], texton_map: TextonMap) -> list[Fix]:
+    """What the loop hands to its sinks of each: a new place counts as lost until it has lasted."""
+    localizer = Localizer(texton_map, rng=np.random.default_rng(0))
+    continuity = Continuity(localizer.parts["motion"].growth, texton_map.period_s)
+    return [continuity.mark(fix) for fix in made]
+
+
+def kidnapped(test: Flight, every_s: float) -> Flight:
+    """The flight cut every so many seconds, each piece followed by the one that begins farthest
+    from its end."""
+    length = round(every_s / float(np.median(np.diff(test.time))))
+    waiting = [np.arange(len(test))[at : at + length] for at in range(0, len(test), length)]
+    pieces = [waiting.pop(0)]
+    while waiting:
+        steps = test.position[[each[0] for each in waiting]] - test.position[pieces[-1][-1]]
+        pieces.append(waiting.pop(int(np.hypot(*steps.T).argmax())))
+    order = np.concatenate(pieces)
+    columns = {"position": test.position[order], "height": test.height[order]}
+    return replace(test, frames=test.frames.at(order), attitude=test.attitude[order], **columns)
 
 
 @dataclass
@@ -127,10 +162,9 @@ def sent(made: list[Fix], delay: float, profile: str, texton_map: TextonMap):
 
 
 def proof(
-    texton_map: TextonMap, test: Flight, profile: str, delay: float, floor=None, made=None
+    made: list[Fix], texton_map: TextonMap, test: Flight, profile: str, delay: float, floor=None
 ) -> tuple[Fused, Fused]:
     """Of what is sent, and of each image once; means over three accelerometers."""
-    made = made or fixes(texton_map, test)
     both = []
     for seed in (3, 4, 5):
         vehicle = Vehicle(test, seed)
@@ -141,3 +175,14 @@ def proof(
         Fused(*np.mean([(x.error_m, x.inside, x.dropped) for x in each], axis=0).tolist())
         for each in zip(*both, strict=True)
     )
+
+
+def proofs(
+    texton_map: TextonMap, test: Flight, method: str
+) -> Iterator[tuple[str, float, Fused, Fused]]:
+    """Behind both autopilots and after every delay of the camera, of the same fixes."""
+    made = held_back(estimated(texton_map, test), texton_map)
+    for profile, bound in BOUNDS_M.items():
+        floor = bound if method == "fine" else None
+        for delay in DELAYS_S:
+            yield profile, delay, *proof(made, texton_map, test, profile, delay, floor)

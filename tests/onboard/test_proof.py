@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from trexton.localization.training import train_map
-from trexton.simulator import Floor, record_flight
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
-from onboard_proof import fixes, proof  # noqa: E402
+from onboard_proof import flights, proofs  # noqa: E402
 
 WRONG = pytest.mark.xfail(reason="on one floor in ten the field is wrong itself")
-BOUNDS_M = {"px4": 0.01, "ardupilot": 0.1}  # least deviations that the page gives for `fine`
 
 
 @pytest.mark.slow
@@ -29,11 +27,7 @@ BOUNDS_M = {"px4": 0.01, "ardupilot": 0.1}  # least deviations that the page giv
     ],
 )
 def test_floors_of_its_own(method, floor, tmp_path):
-    painted = Floor.painted("moved", floor)
-    survey = record_flight(tmp_path / "survey", floor=painted, seed=floor, frames=800)
-    test = record_flight(
-        tmp_path / "test", pattern="waypoints", floor=painted, seed=floor + 1, frames=415
-    )
+    survey, test = flights(tmp_path, "moved", floor)
     texton_map = train_map(survey, method=method, rng=np.random.default_rng(1))
     check(texton_map, test, method)
 
@@ -45,11 +39,7 @@ def test_the_authors_flight(cyberzoo):
 
 
 def check(texton_map, test, method: str) -> None:
-    made = fixes(texton_map, test)
-    for profile, bound in BOUNDS_M.items():
-        floor = bound if method == "fine" else None
-        for delay in (0.0, 0.06, 0.15):
-            wire, best = proof(texton_map, test, profile, delay, floor, made)
-            print(f"{method} {profile} {delay:.2f} s: {wire}, each image once: {best}")
-            assert wire.error_m < 1.1 * best.error_m and not wire.dropped
-            assert wire.inside >= 0.8
+    for profile, delay, wire, best in proofs(texton_map, test, method):
+        print(f"{method} {profile} {delay:.2f} s: {wire}, each image once: {best}")
+        assert wire.error_m < 1.1 * best.error_m and not wire.dropped
+        assert wire.inside >= 0.8

@@ -1,11 +1,14 @@
 """What made a result: its code, the commit, the versions and the machine. Offers `made_by` and
-`machine` for records, and `kept_results`, those of longer runs that are kept with the code.
+`machine` for records, and `kept_results`, those of longer runs that are kept with the code, with
+the `stale_note` of one that other code made.
 """
 
 import os
 import platform
 import subprocess
+from collections.abc import Mapping
 from functools import cache
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +20,14 @@ _DRAWS = ("experiments.style", "wording", "claims.page")
 
 
 @cache
-def made_by(module: str) -> dict[str, Any]:
-    """What to know of a result of `module`: versions, a hash of all its code, and in a clone the
+def made_by(*modules: str) -> dict[str, Any]:
+    """What to know of a result of `modules`: versions, a hash of all their code, and in a clone the
     commit. What only draws does not count: a figure may change, and the result stays.
     """
     made: dict[str, Any] = {"versions": software_versions()}
     drawn = {f"trexton.companion.{name}" for name in _DRAWS}
-    made["code"] = digest({k: v for k, v in code_hashes(module).items() if k not in drawn})
+    hashes = {k: v for each in modules for k, v in code_hashes(each).items() if k not in drawn}
+    made["code"] = digest(hashes)
     if root := repository_root():
         ask = ["git", "-C", str(root), "rev-parse", "HEAD"]
         try:
@@ -32,6 +36,17 @@ def made_by(module: str) -> dict[str, Any]:
         except (OSError, subprocess.CalledProcessError):
             pass  # an archive of the code, or no git
     return made
+
+
+def stale_note(name: str, made: Mapping[str, Any], *modules: str) -> str:
+    """What a page says of a kept result that other code made than stands here; empty of others."""
+    if made.get("code") == made_by(*modules)["code"]:
+        return ""
+    at = f"commit {made['commit'][:12]}" if "commit" in made else "a commit it does not name"
+    return (
+        f'<p class="stale">The kept result {escape(name)} was made by other code, at {at}. '
+        "<code>make full</code> renews it.</p>"
+    )
 
 
 def machine() -> dict[str, Any]:

@@ -25,7 +25,7 @@ from trexton.companion.experiments.figure_files import for_phones, to_png, to_sv
 from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.player.playback import PlayedFlight, player_html
-from trexton.companion.provenance import kept_results, made_by
+from trexton.companion.provenance import kept_results, stale_note
 from trexton.companion.wording import (
     METRES_FROM,
     as_html,
@@ -251,14 +251,8 @@ def swept(plan: str) -> dict[str, Any] | None:
 
 def _say_if_stale(name: str, experiment: str, made: Mapping[str, Any]) -> None:
     """On the page, where a kept result was made by other code than stands here."""
-    if made.get("code") != made_by(EXPERIMENTS[experiment].module)["code"]:
-        at = f"commit {made['commit'][:12]}" if "commit" in made else "a commit it does not name"
-        display(
-            HTML(
-                f'<p class="stale">The kept result {escape(name)} was made by other code, at {at}. '
-                "<code>make full</code> renews it.</p>"
-            )
-        )
+    if note := stale_note(name, made, EXPERIMENTS[experiment].module):
+        display(HTML(note))
 
 
 def _kept(name: str) -> Path | None:

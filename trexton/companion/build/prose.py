@@ -26,7 +26,7 @@ from trexton.companion.claims.page import map_table
 from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.companion.provenance import kept_results
+from trexton.companion.provenance import kept_results, stale_note
 from trexton.companion.wording import flight_title, template_environment
 from trexton.flights.importers import IMPORTERS, importer
 from trexton.localization.landing import TouchdownZone
@@ -140,10 +140,15 @@ def renewed_readme(text: str, results: Path) -> str:
 
 
 def kept_records() -> dict[str, Any]:
-    """``{experiment: values}`` of the long runs kept with the code, ``timings`` too."""
+    """``{experiment: values}`` of the long runs kept with the code, ``timings`` too; ``stale`` is
+    what to say of one of no experiment, which names its modules, where they have changed.
+    """
     kept = [path for path in kept_results() if not path.stem.startswith("sweep-")]
     records = {path.stem: Record.load(path) for path in kept}
     values = {name: each.values | {"timings": each.timings} for name, each in records.items()}
+    for name, made in {name: each.provenance for name, each in records.items()}.items():
+        if "modules" in made:
+            values[name]["stale"] = stale_note(name, made, *made["modules"])
     if "fine" in records:
         values["fine"]["over_floors_cm"] = over_floors(records["fine"], "free", "mean_cm")
     return values
