@@ -135,6 +135,7 @@ def test_a_map_that_claims_too_much_is_said_and_not_landed_by(coverage, warned, 
     assert ("WARNING: the map's 90 % region held" in line) == warned
     words = ["onboard", str(path), "--camera", str(folder), "--output", "udpout:127.0.0.1:9"]
     words += ["--land", "0,0", "--arm-landing", "--heading", "0"]
+    assert main([*words, "--particles", "9"]) == int(warned)  # no option launders a map
     assert main(words) == int(warned)
     assert ("add --allow-overconfident" in capsys.readouterr().err) == warned
     assert main([*words, "--allow-overconfident"]) == 0

@@ -151,13 +151,13 @@ def _overconfidence(texton_map: TextonMap, settings: Settings) -> str:
     """
     flying, landing = settings.of(Flying), settings.of(Landing)
     found = texton_map.provenance.get("assessment")
-    numbers = flying.particles is None and flying.samples == Flying.samples
-    trained = numbers and not settings.choices and flying.method in (None, texton_map.method)
-    if not (found and trained):
+    own = bool(found) and flying.method in (None, texton_map.method)
+    coverage = found["coverage_90"] if own and found else None
+    if not own or (coverage is not None and coverage >= LEAST_COVERAGE):
+        same = flying.particles is None and flying.samples == Flying.samples
+        if own and same and not settings.choices:
+            return ""
         return "nobody measured how many positions the 90 % region of this map and method holds"
-    coverage = found["coverage_90"]
-    if coverage is not None and coverage >= LEAST_COVERAGE:
-        return ""
     held = "no" if coverage is None else f"{coverage:.0%} of"
     words = f"the map's 90 % region held {held} positions of its own flight"
     if landing.arm_landing and not landing.allow_overconfident:
