@@ -70,10 +70,11 @@ def held_back(made: list[Fix], texton_map: TextonMap) -> list[Fix]:
     return [continuity.mark(fix) for fix in made]
 
 
-def kidnapped(test: Flight, every_s: float) -> Flight:
+def kidnapped(test: Flight, every_s: float) -> tuple[Flight, np.ndarray]:
     """The flight cut every so many seconds, each piece followed by the one that begins farthest
-    from its end."""
-    length = round(every_s / float(np.median(np.diff(test.time))))
+    from its end; and of each frame the seconds since its piece began."""
+    period_s = float(np.median(np.diff(test.time)))
+    length = round(every_s / period_s)
     waiting = [np.arange(len(test))[at : at + length] for at in range(0, len(test), length)]
     pieces = [waiting.pop(0)]
     while waiting:
@@ -81,7 +82,8 @@ def kidnapped(test: Flight, every_s: float) -> Flight:
         pieces.append(waiting.pop(int(np.hypot(*steps.T).argmax())))
     order = np.concatenate(pieces)
     columns = {"position": test.position[order], "height": test.height[order]}
-    return replace(test, frames=test.frames.at(order), attitude=test.attitude[order], **columns)
+    cut = replace(test, frames=test.frames.at(order), attitude=test.attitude[order], **columns)
+    return cut, period_s * np.concatenate([np.arange(len(each)) for each in pieces])
 
 
 @dataclass
