@@ -27,8 +27,10 @@ from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 from trexton.onboard import Settings
 from trexton.onboard.settings import Flying, Landing, MapPlacement
-from trexton.onboard.sources import Playback
+from trexton.onboard.sources import Playback, recorded, video
 from trexton.simulator import Effects, record_flight
+
+LOADED = recorded, video  # threads that import one module at once may see half of it
 
 
 @pytest.fixture(scope="module")

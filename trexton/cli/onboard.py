@@ -2,6 +2,7 @@
 
 import _thread
 import argparse
+import os
 import signal
 import threading
 from collections.abc import Iterator, Sequence
@@ -10,6 +11,9 @@ from types import FrameType
 
 from trexton.base.arguments import add_assignments, add_options, chosen_options
 from trexton.base.options import Options
+
+# Before NumPy is loaded: the products of a frame are so small that its threads wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

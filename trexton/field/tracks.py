@@ -98,7 +98,7 @@ class TrackFilter:
         self.hypotheses.clear()
         self._recent.reset()
         self._since_s = self._period_s  # of the last step
-        self._predicted_s = 0.0  # since the last frame
+        self._since_frame_s = 0.0
         self._remembers = False  # what frames said together, once it is known how they moved
         self._unsupported = 0  # frames on end that did not support the best hypothesis
         self._supported = 0  # frames that did, since it was last in doubt
@@ -108,19 +108,21 @@ class TrackFilter:
     def step(self, observation: Observation | None) -> None:
         """Advance one frame; None where nothing was observed: predict only."""
         self._bias = None
-        hypotheses = self.hypotheses
-        if observation is None:
-            hypotheses.predict()
-            self._since_s = self._period_s
-            self._predicted_s += self._period_s
-            if self._remembers:
-                self._recent.move(self._moved)
-            return
-        by_frame = log_posterior = self.measurement.log_posterior(observation)
-        best = hypotheses.states[:1]
-        seconds = observation.since_s
+        seconds = None if observation is None else observation.since_s
         self._since_s = self._period_s if seconds is None else seconds
-        since_frame, self._predicted_s = self._predicted_s + self._since_s, 0.0
+        self._since_frame_s += self._since_s
+        if observation is not None:
+            self._update(observation, seconds)
+            self._since_frame_s = 0.0
+            return
+        self.hypotheses.predict()
+        if self._remembers:
+            self._recent.move(self._moved)
+
+    def _update(self, observation: Observation, seconds: float | None) -> None:
+        """Predict to a frame, then take what it shows."""
+        hypotheses, best = self.hypotheses, self.hypotheses.states[:1]
+        by_frame = log_posterior = self.measurement.log_posterior(observation)
         before = best[:, :2] + self._since_s * best[:, 2:4]  # where the best expects the vehicle
         if not observation.familiar:
             log_posterior = np.zeros_like(log_posterior)
@@ -145,7 +147,7 @@ class TrackFilter:
         if self._remembers:
             self._recent.move(self._moved)
             if observation.familiar:
-                self._recent.add(log_posterior, since_frame)
+                self._recent.add(log_posterior, self._since_frame_s)
         birth = np.log(BIRTH_PROBABILITY) if len(hypotheses) else 0.0
         evidence, supported = self._update_frame(cells, shares)
         log_weights = np.log(hypotheses.weights) + self._log_chance(evidence, velocity is not None)

@@ -59,6 +59,15 @@ class PoseTrack:
             raise FlightError(f"{len(rows)} rows of positions, no row has a place: give x and y")
         return self.rows(rows)
 
+    def _refuse_another_unit(self, goes_on: np.ndarray, where: str, lines: Sequence[int]) -> None:
+        power = np.diff(np.log10(np.abs(np.where(self.time_ns, self.time_ns, np.nan))))[2:] / 3
+        mixed = (np.abs(power) > 0.9) & (np.abs(power - np.rint(power)) < 0.05) & goes_on
+        if mixed.any():
+            raise FlightError(
+                f"{where}, row {lines[int(mixed.argmax())]}: the place goes on, but the stamp "
+                "is a thousand times the one before, or a thousandth: give all in one unit"
+            )
+
     def ordered(
         self, where: str, lines: Sequence[int] | None = None
     ) -> tuple[PoseTrack, list[str]]:
@@ -76,13 +85,7 @@ class PoseTrack:
         lines = range(1, len(self.time_ns) + 1) if lines is None else lines
         moved = np.hypot(*np.diff(self.position[:, :2], axis=0).T)
         goes_on = moved <= 3 * np.nanmedian(moved) if np.isfinite(moved).any() else moved < 0
-        power = np.diff(np.log10(np.abs(np.where(self.time_ns, self.time_ns, np.nan))))[2:] / 3
-        mixed = (np.abs(power) > 0.9) & (np.abs(power - np.rint(power)) < 0.05) & goes_on[2:]
-        if mixed.any():
-            raise FlightError(
-                f"{where}, row {lines[int(mixed.argmax()) + 3]}: the place goes on, but the stamp "
-                "is a thousand times the one before, or a thousandth: give all in one unit"
-            )
+        self._refuse_another_unit(goes_on[2:], where, lines[3:])
         if (np.diff(self.time_ns) > 0).all():
             return self, []
         order = np.lexsort((np.isnan(self.position[:, :2]).any(axis=1), self.time_ns))
