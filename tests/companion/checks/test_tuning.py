@@ -139,8 +139,8 @@ def test_bad_input_is_one_clear_error():
 def test_the_command_prints_the_frontier_and_how_to_fly_its_point(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_flight(told_apart(), tmp_path / "room")
-    words = ["tune", "room", "--trials", "2", "--methods", "paper", "--quiet"]
-    assert cli.main([*words, "--rate", "0.5"]) == 0
+    words = ["tune", "room", "--methods", "paper", "--quiet"]
+    assert cli.main([*words, "--trials", "2", "--rate", "0.5"]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("2 settings tried") and " ms a frame  --method paper" in printed
     train = re.search(r"^(trexton train .*)$", printed, re.M)[1]
