@@ -15,7 +15,13 @@ from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.notebook import show_table
 from trexton.companion.build.pages import figure_names, joined
-from trexton.companion.build.prose import context, findings, importer_table, records_by_name
+from trexton.companion.build.prose import (
+    context,
+    findings,
+    importer_table,
+    records_by_name,
+    render,
+)
 from trexton.companion.claims.ledger import load_claims
 from trexton.companion.claims.page import load_map, map_table
 from trexton.companion.experiments.printed import paper_file
@@ -46,6 +52,19 @@ def test_the_first_page_says_what_its_pages_found(results):
     kept = Record.load(ROOT / "data" / "reference" / "fine.json").values["floors"]
     (fine,) = findings(results, {"sim-survey": {"fine": {}}})
     assert fine["text"].startswith(f"Over {len(kept)} floors") and fine["flight"] == ""
+
+
+@pytest.mark.parametrize("head", ["as estimated | as sent |", "EKF2 of PX4 | EKF3 of ArduPilot |"])
+def test_what_was_measured_on_board_is_of_the_kept_record(head, tmp_path):
+    """Each table is shown, and no number in it is typed."""
+    page = ROOT / "book" / "onboard.md"
+    names = context(tmp_path, {}, lambda name, words: words)
+    for text in (page.read_text(encoding="utf-8"), render(page, names)):
+        (table,) = (each for each in text.split("\n\n") if head in each)
+        cells = re.sub(r"{{.*?}}|{%.*?%}|EKF\d|PX4|90 % region", "", table)
+        assert bool(re.search(r"\d", cells)) == ("{{" not in table), cells
+    assert f"{names['kept']['onboard']['floors']} " in table and "–" not in table
+    assert not [line for line in table.splitlines() if line.count("|") != 4]
 
 
 def test_every_claim_stands_in_one_item_of_the_paper_map(tmp_path):

@@ -12,6 +12,7 @@ from conftest import ROOT, small_flight
 from trexton.base.cache import code_hashes
 from trexton.base.records import Record
 from trexton.companion.build import notebook as kept
+from trexton.companion.build import prose
 from trexton.companion.experiments import density
 from trexton.companion.provenance import made_by
 
@@ -60,6 +61,17 @@ def test_so_does_a_table_of_a_sweep(page, tmp_path):
     (tmp_path / "sweep-y.json").write_text(json.dumps({"experiment": "density"} | made_by(MODULE)))
     assert kept.swept("y") and len(page) == 1
     assert kept.swept("z") is None and kept.reference("z") is None
+
+
+def test_a_page_of_prose_says_it_of_a_record_that_names_its_modules(tmp_path, monkeypatch):
+    monkeypatch.setattr(prose, "kept_results", lambda: sorted(tmp_path.glob("*.json")))
+    made = made_by(MODULE, "trexton.onboard.loop")
+    assert made["code"] != made_by(MODULE)["code"]
+    for name, code in (("same", made["code"]), ("other", "0" * 64)):
+        named = made | {"modules": [MODULE, "trexton.onboard.loop"], "code": code}
+        Record(name, "room", {}, {}, provenance=named).save(tmp_path)
+    records = prose.kept_records()
+    assert records["same"]["stale"] == "" and "other was made by" in records["other"]["stale"]
 
 
 def flight():

@@ -63,7 +63,9 @@ def test_every_kept_record_of_a_page_is_shown():
     files = {path.stem for path in (ROOT / "data" / "reference").glob("*.json")}
     named = re.findall(r"notebook\.reference\(\"(.+?)\"\)", "".join(PAGES.values()))
     swept = re.findall(r"notebook\.swept\(\"(.+?)\"\)", "".join(PAGES.values()))
-    assert files == {*named, *(f"sweep-{name}" for name in swept)}
+    prose = (ROOT / "book" / "onboard.md").read_text(encoding="utf-8")
+    shown = set(re.findall(r"kept\.(\w+)", prose))
+    assert files == {*named, *shown, *(f"sweep-{name}" for name in swept)}
 
 
 def test_a_kept_sweep_is_that_of_its_plan():
