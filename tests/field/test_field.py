@@ -265,20 +265,6 @@ def test_errors_part_into_what_lasts_and_what_is_new(rng):
 def test_independent_errors_last_a_frame(rng):
     model = ErrorModel.of(rng.normal(0, 0.2, (500, 2)), np.arange(500) * 0.1, 0.01)
     assert model.time_constant_s <= 0.11 and model.white_sigma > 0.1
-    assert ErrorModel(0.0, 0.2, 0.5).independent_s(0.1) == pytest.approx(0.1)
-
-
-def test_a_mean_of_correlated_errors_varies_as_independent_s_says(rng):
-    """Var(mean of n) = variance times independent_s / (n period), for n many times as long."""
-    model, period = ErrorModel(0.3, 0.15, 0.4), 0.08
-    memory = np.exp(-period / model.time_constant_s)
-    runs, lasting = [], rng.normal(0, 0.3, 2000)
-    for _ in range(250):
-        kick = rng.normal(0, 0.3 * np.sqrt(1 - memory**2), 2000)
-        lasting = memory * lasting + kick
-        runs.append(lasting + rng.normal(0, 0.15, 2000))
-    whole = np.var(np.mean(runs, axis=0)) / np.var(runs)
-    assert whole == pytest.approx(model.independent_s(period) / (250 * period), rel=0.1)
 
 
 def test_the_method_trains_flies_and_is_stored(tmp_path):

@@ -63,6 +63,35 @@ def test_half_a_period_twice_is_a_period(field, motion, later):
     assert hypotheses.covariances == pytest.approx(whole[1], rel=1e-3, abs=1e-9)
 
 
+@pytest.mark.parametrize("sigma", [None, 0.25])
+def test_a_mean_of_estimates_varies_as_independent_s_says(field, motion, sigma, rng):
+    """Var(mean of n) = variance times independent_s / (n period), of a Kalman filter that flies the
+    model itself; with the velocity of each frame it averages for longer.
+    """
+    hypotheses, white = TrackFilter(motion, field, AREA).hypotheses, 0.05**2 * np.eye(2)
+    (transition, noise), period = hypotheses._period, float(motion.period_s)
+    seconds, runs = hypotheses.independent_s(white, sigma), []
+    hypotheses.give_birth(np.zeros(2), white)
+    hypotheses.prune(np.zeros(1))
+    color = np.linalg.cholesky(noise + 1e-15 * np.eye(len(noise)))
+    truth = np.zeros(len(noise))
+    for _ in range(12_000):
+        truth = transition @ truth + color @ rng.standard_normal(len(truth))
+        hypotheses.predict()
+        measured = [(hypotheses.frame, white)]
+        if sigma is not None:
+            measured.append((hypotheses.velocity, sigma**2 * np.eye(2)))
+        for matrix, variance in measured:
+            expected, spread, _, gain = hypotheses.innovation(matrix, variance)
+            seen = matrix @ truth + rng.multivariate_normal(np.zeros(2), variance)
+            hypotheses.update(seen - expected, gain, spread)
+        runs.append((hypotheses.states[0] - truth)[:2])
+    errors = np.array(runs[2000:])
+    means = errors.reshape(-1, 200, 2).mean(axis=1)  # of 16 s each
+    assert np.var(means) / np.var(errors) == pytest.approx(seconds / (200 * period), rel=0.35)
+    assert seconds > hypotheses.independent_s(white, None) or sigma is None
+
+
 def test_a_kidnapped_vehicle_is_found_within_a_second(field, motion, later):
     places, histograms = later
     far = np.hypot(*(places - places[0]).T).argmax()

@@ -142,7 +142,7 @@ def test_another_place_is_held_back_until_it_has_lasted():
 
 
 def test_where_errors_last_longer_so_must_another_place():
-    sent = Sent(measurement=Measurement(np.zeros(2), 0.04 * np.eye(2), 0.6))
+    sent = Sent(measurement=Measurement(np.zeros(2), 0.04 * np.eye(2), 1.8))
     sent.fly(20)
     assert sent.fly(20, (3, 0)) == [False] * 17 + [True] * 3
 

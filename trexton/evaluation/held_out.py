@@ -136,7 +136,9 @@ def replay(
     every = stretches(texton_map.time)
     half = len(every) // 2
     for pair in zip(every[:half], every[half:], strict=False):
-        kept = _others(texton_map.time, np.concatenate(pair))
+        time, rows = texton_map.time, np.sort(np.concatenate(pair))
+        near = np.searchsorted(time[rows], [time - EXCLUDED_SECONDS, time + EXCLUDED_SECONDS])
+        kept = np.flatnonzero(near[0] == near[1])  # that are not, and do not look like, these
         rest = replace(texton_map, parts={}).select(kept)
         untrained = {role: part.untrained() for role, part in parts.items()}
         frames = None if flight is None else flight.select(kept)
@@ -157,9 +159,3 @@ def replay(
                     estimate = localizer.advance(observation)
                     if since * texton_map.period_s >= WARM_S:
                         yield texton_map.positions[row], estimate
-
-
-def _others(time: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The rows of frames that are not, and do not look like, these."""
-    near = np.searchsorted(time[np.sort(rows)], [time - EXCLUDED_SECONDS, time + EXCLUDED_SECONDS])
-    return np.flatnonzero(near[0] == near[1])

@@ -44,7 +44,10 @@ class Features:
         """
         counted, signed = is_counted(histograms, parts), bool((histograms < 0).any())
         values = _values(histograms, signed).reshape(len(histograms) * parts, -1)
-        used = _informative(values)
+        varying = np.flatnonzero(np.ptp(values, axis=0) > 1e-9 * np.abs(values).max(axis=0))
+        # Of columns that are equal, which say nothing the second time, the first.
+        first = {(values[:, column] + 0.0).tobytes(): column for column in varying[::-1]}
+        used = np.array(sorted(first.values()), dtype=int)
         alone = np.eye(values.shape[1])[:, used]
         if parts > 1:
             if parts * len(used) > MAX_FEATURES:
@@ -78,10 +81,3 @@ def is_counted(histograms: np.ndarray, parts: int = 1) -> bool:
 
 def _values(histograms: np.ndarray, signed: bool) -> np.ndarray:
     return histograms.astype(float) if signed else np.sqrt(np.maximum(histograms, 0))
-
-
-def _informative(values: np.ndarray) -> np.ndarray:
-    """Columns that vary; of those that are equal, which say nothing the second time, the first."""
-    varying = np.flatnonzero(np.ptp(values, axis=0) > 1e-9 * np.abs(values).max(axis=0))
-    first = {(values[:, column] + 0.0).tobytes(): column for column in varying[::-1]}
-    return np.array(sorted(first.values()), dtype=int)

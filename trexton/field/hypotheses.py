@@ -17,6 +17,7 @@ BIAS_TIME_S = 5.0  # time constant of the bias: it turns with the vehicle
 BIAS_DECAY_S = 2.6  # time constant of the weight of a bias that explains nothing
 BIAS_SWITCH_PROBABILITY = 1e-3  # a frame, that the bias sets in or ends
 SEPARATION = 5.0  # cells between the births of two hypotheses
+STEADY_STEPS = 300  # of prediction and update, after which a covariance stays as it is
 NEGLIGIBLE_WEIGHT = 1e-6  # of a hypothesis, over that of the best
 
 
@@ -140,6 +141,27 @@ class Hypotheses:
         self.states = self.states + np.einsum("tij,tj->ti", gain, innovation)
         covariances = self.covariances - gain @ known @ gain.transpose(0, 2, 1)
         self.covariances = (covariances + covariances.transpose(0, 2, 1)) / 2
+
+    def independent_s(self, white: np.ndarray, velocity_sigma: float | None = None) -> float:
+        """Seconds between estimates whose errors are as good as independent: a period times 1 + 2
+        sum of the autocorrelations in the steady state, in which an error goes on by (I - K H) F
+        (Anderson and Moore, "Optimal Filtering", 1979, Sec. 4.4).
+
+        A frame's place has the ``(2, 2)`` noise `white`, a velocity a deviation in m/s.
+        """
+        transition, noise = (each[:-2, :-2] for each in self._period)
+        measured = [(self.frame[:, :-2], white)]
+        if velocity_sigma is not None:
+            measured.append((self.velocity[:, :-2], velocity_sigma**2 * np.eye(2)))
+        covariance, own = noise, np.eye(len(noise))
+        for _ in range(STEADY_STEPS):
+            covariance, goes_on = transition @ covariance @ transition.T + noise, transition
+            for matrix, variance in measured:
+                across = covariance @ matrix.T
+                left = own - across @ np.linalg.solve(matrix @ across + variance, matrix)
+                covariance, goes_on = left @ covariance, left @ goes_on
+        later = goes_on @ np.linalg.pinv(own - goes_on) @ covariance  # what is never seen stays
+        return float(self.motion.period_s * (1 + 2 * later[0, 0] / covariance[0, 0]))
 
     def update_velocity(self, velocity: np.ndarray, noise: np.ndarray) -> None:
         """Update by a measured velocity with its ``(2, 2)`` noise covariance.

@@ -235,14 +235,6 @@ class ErrorModel:
     white_sigma: float
     time_constant_s: float
 
-    def independent_s(self, period_s: float) -> float:
-        """Seconds between frames whose errors are as good as independent: 1 + 2 sum of the
-        autocorrelations, in frames of that period.
-        """
-        memory = np.exp(-period_s / self.time_constant_s)
-        share = self.correlated_sigma**2 / (self.correlated_sigma**2 + self.white_sigma**2)
-        return float(period_s * (1 + 2 * share * memory / (1 - memory)))
-
     @classmethod
     def of(cls, errors: np.ndarray, time: np.ndarray, finest: float) -> ErrorModel:
         """From ``(N, 2)`` errors of frames; `finest` is the least that `white_sigma` may be.

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -87,7 +88,7 @@ class TrackFilter:
         self._tiles = len(measurement.offsets) > 1
         self._novelty = TILE_NOVELTY_THRESHOLD if self._tiles else NOVELTY_THRESHOLD
         self._confirming = int(np.ceil(CONFIRMED_S / period_s)) if self._tiles else 0
-        self._independent_s = errors.independent_s(period_s)
+        self._independent_s = cache(partial(self.hypotheses.independent_s, self._white))
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
         self._recent = RecentFrames(measurement, period_s)
@@ -104,6 +105,7 @@ class TrackFilter:
         self._supported = 0  # frames that did, since it was last in doubt
         self._residual = 0.5  # average of the latest frames, see `Field.normalized_residual`
         self._bias: np.ndarray | None = None  # m/s
+        self._sigma: float | None = None  # m/s, of the last velocity
 
     def step(self, observation: Observation | None) -> None:
         """Advance one frame; None where nothing was observed: predict only."""
@@ -138,6 +140,7 @@ class TrackFilter:
         gate = VELOCITY_GATE_SIGMA * np.sqrt(self._speed_variance + sigma**2)
         usual = measured is not None and np.abs(measured).max() <= gate  # NaN is not
         velocity = measured if usual else None
+        self._sigma = float(f"{sigma:.2g}") if usual else None
         if velocity is not None:
             hypotheses.switch_bias()
         hypotheses.predict(seconds)
@@ -286,7 +289,7 @@ class TrackFilter:
             position,
             joint[:2, :2],
             lost=lost,
-            measurement=Measurement(position, joint[:2, :2], self._independent_s),
+            measurement=Measurement(position, joint[:2, :2], self._independent_s(self._sigma)),
             velocity=velocity,
             joint=joint,
             velocity_bias=self._bias,

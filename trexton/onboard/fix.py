@@ -17,7 +17,7 @@ STALE_AFTER = 0.5  # seconds since the capture of the latest frame that could be
 JUMP_MAHALANOBIS_SQUARED = 16.0
 # Seconds that a hypothesis must last before it is sent: the first; one near the last that was sent,
 # after the vehicle was lost; another one, in times of those in which errors become independent.
-FIRST_S, RETURN_S, RESET_TIMES = 1.0, 0.6, 3.0
+FIRST_S, RETURN_S = 1.0, 0.6
 GAP_S = 0.3  # seconds of being lost after which it is no more the same hypothesis for certain
 
 
@@ -170,7 +170,7 @@ class Continuity:
                 if last is None:
                     self._needed = FIRST_S
                 elif jumped:
-                    self._needed = max(FIRST_S, RESET_TIMES * fix.fusion.independent_s)
+                    self._needed = max(FIRST_S, fix.fusion.independent_s)
             self._other = fix
             if new or fix.time - self._since < self._needed - 1e-6:
                 return True

@@ -223,17 +223,13 @@ class PosePrior:
             return False
         if not fix.lost:
             self._failures = max(0, self._failures - 2)
-            self.uses_heading |= _agree(prior, fix.pose)
+            heading, height = prior.heading, prior.height
+            turned = heading is not None and abs(wrapped(fix.pose[5] - heading)) >= _AGREES
+            about = height is None or abs(height / fix.pose[2] - 1) < _ABOUT
+            self.uses_heading |= about and not turned
             return False
         self._failures += not recognized
         if self._failures < _MOST_FAILURES:
             return False
         self.uses_heading, self._failures = not self.uses_heading, 0
         return True
-
-
-def _agree(prior: Prior, pose: Array) -> bool:
-    """Whether heading and height are about the measured ones."""
-    heading, height = prior.heading, prior.height
-    turned = heading is not None and abs(wrapped(pose[5] - heading)) >= _AGREES
-    return not turned and (height is None or abs(height / pose[2] - 1) < _ABOUT)
