@@ -368,7 +368,7 @@ def test_nees_is_in_its_band_where_the_model_is_true(field, motion, monkeypatch)
 
 
 def test_recent_frames_together_tell_a_path_from_one_that_each_frame_takes_for_it(field):
-    recent, path = RecentFrames(field, 0.08), np.column_stack([np.linspace(1, 2, 30), np.ones(30)])
+    recent, path = RecentFrames(field), np.column_stack([np.linspace(1, 2, 30), np.ones(30)])
     for row, place in enumerate(path):
         recent.move(place - path[max(row - 1, 0)])
         other = [0.5 + 0.1 * (row % 3), 2.5]  # fits a little better, but does not move like it

@@ -13,15 +13,15 @@ from trexton.field.field import Field
 from trexton.field.likelihood import bilinear
 
 MEMORY_S = 6.0  # time constant of forgetting
-POWER = 0.06  # of a frame's likelihood, a period after the last
+POWER, APART_S = 0.06, 0.08  # of the likelihood of a frame, at least so long after the last
 RANGE = 20.0  # log likelihoods this far below the best count as this
 
 
 class RecentFrames:
     """A log posterior over the cells of a `Field`, of the latest frames."""
 
-    def __init__(self, field: Field, period_s: float):
-        self._field, self._period_s = field, period_s
+    def __init__(self, field: Field):
+        self._field = field
         self.reset()
 
     def reset(self) -> None:
@@ -44,7 +44,7 @@ class RecentFrames:
 
     def add(self, log_posterior: np.ndarray, seconds: float) -> None:
         """One more frame, by its ``(M,)`` log posterior, so many seconds after the one before."""
-        power = POWER * min(1.0, seconds / self._period_s)
+        power = POWER * min(1.0, seconds / APART_S)
         total = np.exp(-seconds / MEMORY_S) * self._log + power * log_posterior
         self._set(np.maximum(total - total.max(), -RANGE))
 

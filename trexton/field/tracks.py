@@ -80,18 +80,18 @@ class TrackFilter:
         self.measurement, self.area, self.options = measurement, area, options or Tracks()
         errors, cell = measurement.error_model, measurement.cell
         self.hypotheses = Hypotheses(motion, errors, self.options.tracks, cell)
-        self._period_s = period_s = float(motion.period_s)
+        self._period_s = float(motion.period_s)
         self._speed_variance = float(motion.speed) ** 2 + BIAS_SIGMA**2
         self._white = errors.white_sigma**2 * np.eye(2)
         self._rounding = cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
-        self._residual_gain = 1 - np.exp(-period_s / RESIDUAL_TIME_S)
+        self._residual_gain = 1 - np.exp(-self._period_s / RESIDUAL_TIME_S)
         self._tiles = len(measurement.offsets) > 1
         self._novelty = TILE_NOVELTY_THRESHOLD if self._tiles else NOVELTY_THRESHOLD
-        self._confirming = int(np.ceil(CONFIRMED_S / period_s)) if self._tiles else 0
+        self._confirming_s = CONFIRMED_S if self._tiles else 0.0
         self._independent_s = cache(partial(self.hypotheses.independent_s, self._white))
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
-        self._recent = RecentFrames(measurement, period_s)
+        self._recent = RecentFrames(measurement)
         self.reset()
 
     def reset(self) -> None:
@@ -102,7 +102,7 @@ class TrackFilter:
         self._since_frame_s = 0.0
         self._remembers = False  # what frames said together, once it is known how they moved
         self._unsupported = 0  # frames on end that did not support the best hypothesis
-        self._supported = 0  # frames that did, since it was last in doubt
+        self._supported_s = 0.0  # for which frames did, since it was last in doubt
         self._residual = 0.5  # average of the latest frames, see `Field.normalized_residual`
         self._bias: np.ndarray | None = None  # m/s
         self._sigma: float | None = None  # m/s, of the last velocity
@@ -197,7 +197,7 @@ class TrackFilter:
     ) -> None:
         """How well the frame fits at the estimate, and for how long frames have supported it."""
         if not observation.familiar:
-            self._supported = 0
+            self._supported_s = 0.0
             return
         best = self.hypotheses.states[0, :2]
         near = np.hypot(*(self.measurement.centers - best).T) < self.hypotheses.radius
@@ -207,7 +207,8 @@ class TrackFilter:
         residual = min(residual, RESIDUAL_LIMIT * self._novelty)
         self._residual += (residual - self._residual) * self._residual_gain
         jumped = (np.hypot(*(best - before).T) > 2 * self.hypotheses.radius).all()
-        self._supported = 0 if jumped or self._doubtful() else self._supported + 1
+        doubtful = jumped or self._doubtful()
+        self._supported_s = 0.0 if doubtful else self._supported_s + self._since_frame_s
 
     def _doubtful(self) -> bool:
         """Whether other hypotheses may be right, or the frames are unlike the survey there."""
@@ -283,7 +284,7 @@ class TrackFilter:
         unfamiliar = max(1.0, min(self._residual, NOVELTY_THRESHOLD) / INFLATION_RESIDUAL)
         inflation = self.measurement.correlated_inflation(states[:1, :2]) * unfamiliar**4
         joint[:2, :2] += (inflation - 1) * hypotheses.error_variance
-        lost = self._doubtful() or self._supported < self._confirming
+        lost = self._doubtful() or self._supported_s < self._confirming_s
         position, velocity = states[0, :2].copy(), states[0, 2:].copy()
         return Estimate(
             position,
