@@ -1,6 +1,7 @@
 """Stretches of a training flight, flown by maps that did not see them."""
 
 from dataclasses import dataclass, field
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -14,13 +15,13 @@ from trexton.evaluation.held_out import (
     STRETCH_S,
     WARM_S,
     Assessment,
-    _others,
     assess,
     replay,
     stretches,
 )
 from trexton.flights import write_flight
 from trexton.localization.map_files import load_map
+from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import train_map
 from trexton.simulator import record_flight
 
@@ -32,7 +33,9 @@ def plain():
 
 
 def test_replay_flies_what_its_map_did_not_see(plain):
-    flown = list(replay(plain, samples=50, rng=np.random.default_rng(2)))
+    own = TextonMap.select
+    with mock.patch.object(TextonMap, "select", autospec=True, side_effect=own) as selected:
+        flown = list(replay(plain, samples=50, rng=np.random.default_rng(2)))
     every = stretches(plain.time)
     half = len(every) // 2
     settled = int(np.ceil(WARM_S / plain.period_s))
@@ -40,7 +43,7 @@ def test_replay_flies_what_its_map_did_not_see(plain):
     first = every[0][settled:]
     places = [truth for truth, _ in flown[: len(first)]]
     np.testing.assert_array_equal(places, plain.positions[first])
-    kept = _others(plain.time, every[0])
+    kept = selected.call_args_list[0].args[1]
     assert np.abs(np.subtract.outer(plain.time[kept], plain.time[every[0]])).min() > 0.4
     assert len(every[0]) * plain.period_s == pytest.approx(STRETCH_S + WARM_S, abs=0.3)
     short = np.arange(130) * 0.1  # two stretches of a short flight leave half of it
