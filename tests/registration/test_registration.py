@@ -117,7 +117,7 @@ def test_belief_moves_widens_and_finds_its_modes():
     belief.sharpen(np.array([23.4, 8.2]), np.array([23, 8]), 2)
     assert belief.around(np.array([23.4, 8.2]), 1) == pytest.approx(first[3], rel=0.01)
     belief.scale(np.array([53, 28]), 2, 0.0)
-    belief.mass /= belief.mass.sum()
+    belief.normalize()
     assert np.allclose(belief.moments()[0], [23.4, 8.2], atol=0.2)
     assert belief.around(np.array([900, 900]), 2) == 0
 

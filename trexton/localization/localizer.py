@@ -164,18 +164,16 @@ class Localizer:
             `samples` is no whole number of at least 1; the filter is left as it was.
         """
         if frame is None:
-            if time is not None and self.time is not None:  # one at fault: quick ones are no debt
-                self.time = min(self.time, time - QUICK * self.map.period_s)
-            return self.advance(None)
+            return self.advance(None, time)
         if np.ndim(frame) != 1:
             samples = self.samples
         elif samples is not None:
             samples = whole(samples, "samples")
         return self.advance(self.observation(frame, aiding=aiding, time=time, samples=samples))
 
-    def advance(self, observation: Observation | None) -> Estimate:
-        """As `step`, with an observation that was made by `observation`."""
-        self._catch_up(observation)
+    def advance(self, observation: Observation | None, time: float | None = None) -> Estimate:
+        """As `step`, with an observation that was made by `observation` and knows its time."""
+        self._catch_up(observation, time if observation is None else observation.time)
         if self._appearance is not None and observation is not None:
             observation.histogram  # noqa: B018  the appearance takes the frame first
             observation.familiar = self._appearance.settled
@@ -194,26 +192,22 @@ class Localizer:
     def _now(self, time: float | None) -> float:
         return (self.time or 0.0) + self.map.period_s if time is None else time
 
-    def _catch_up(self, observation: Observation | None) -> None:
+    def _catch_up(self, observation: Observation | None, time: float | None) -> None:
         """Advance the filter over frames that did not come, by whole periods; what is left over is
         kept for the next frame, for a camera of another rate than the survey's leaves some at each.
         """
-        period = self.map.period_s
-        if observation is None:
-            self.time = None if self.time is None else self.time + period
-            return
-        now = self._now(observation.time)
+        period, now = self.map.period_s, self._now(time)
         if self.time is None:
-            self.time = now
+            self.time = None if observation is None else now
             return
         missed = max(0, round((now - self.time) / period) - 1)
         for _ in range(min(missed, MAX_CATCH_UP)):
             self.filter.step(None)
         self.time += missed * period
-        if 0 < now - self.time < QUICK * period:
+        if observation is not None and 0 < now - self.time < QUICK * period:
             observation.since_s, self.time = now - self.time, now
         else:
-            self.time = min(self.time + period, now + QUICK * period)
+            self.time = min(self.time, now - QUICK * period) + period  # no quick frame is a debt
 
     def observation(
         self,

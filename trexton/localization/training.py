@@ -88,8 +88,9 @@ def train_map(
     }
     parts = compose(method, choices)
     place = _positions(flight, positions)
-    trained = flight.select(np.isfinite(place).all(axis=1))
-    untrained = _without_parts(flight, trained, place, dictionary, parameters, rng)
+    located = np.isfinite(place).all(axis=1)
+    trained = flight.select(located)
+    untrained = _without_parts(flight, trained, place[located], dictionary, parameters, rng)
     train = with_parts if cells is not None else _with_parts_or_whole
     return train(untrained, parts, flight=trained, rng=rng)
 
@@ -122,7 +123,7 @@ def _without_parts(
     return TextonMap(
         dictionary,
         full_histograms(trained, dictionary, cells),
-        place[np.isfinite(place).all(axis=1)],
+        place,
         trained.time,
         flight.area,
         shape,

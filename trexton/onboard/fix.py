@@ -16,7 +16,7 @@ STALE_AFTER = 0.5  # seconds since the capture of the latest frame that could be
 # Squared Mahalanobis distance, two dimensions: one honest pair of reports in 3000 is farther apart.
 JUMP_MAHALANOBIS_SQUARED = 16.0
 # Seconds that a hypothesis must last before it is sent: the first; one near the last that was sent,
-# after the vehicle was lost; another one, in times of those in which errors become independent.
+# after the vehicle was lost. Another one must last until errors are independent, and as the first.
 FIRST_S, RETURN_S = 1.0, 0.6
 GAP_S = 0.3  # seconds of being lost after which it is no more the same hypothesis for certain
 

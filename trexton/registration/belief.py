@@ -136,6 +136,11 @@ class CellBelief:
         bottom, right = max(top, row + radius + 1), max(left, column + radius + 1)
         return slice(None), slice(top, min(bottom, height)), slice(left, min(right, width))
 
+    def normalize(self) -> None:
+        total = float(self.mass.sum())
+        if total > 0:
+            self.mass /= total
+
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean ``(2,)`` and covariance ``(2, 2)`` in cells (column, row)."""
         mass = self.mass.sum(axis=0, dtype=np.float64)

@@ -214,7 +214,7 @@ class FloorTracker:
         if len(candidates) > 1:
             for each, factor in zip(candidates, factors, strict=True):
                 self.belief.scale(each.place, _MODE, float(factor))
-            self.belief.mass /= max(float(self.belief.mass.sum()), 1e-300)
+            self.belief.normalize()
         chosen = candidates[int(np.argmax(weights))]
         best = chosen.aligned
         others = max(0.0, 1 - sum(each.held for each in candidates))

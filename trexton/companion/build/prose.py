@@ -146,9 +146,9 @@ def kept_records() -> dict[str, Any]:
     kept = [path for path in kept_results() if not path.stem.startswith("sweep-")]
     records = {path.stem: Record.load(path) for path in kept}
     values = {name: each.values | {"timings": each.timings} for name, each in records.items()}
-    for name, made in {name: each.provenance for name, each in records.items()}.items():
-        if "modules" in made:
-            values[name]["stale"] = stale_note(name, made, *made["modules"])
+    for name, each in records.items():
+        if modules := each.provenance.get("modules"):
+            values[name]["stale"] = stale_note(name, each.provenance, *modules)
     if "fine" in records:
         values["fine"]["over_floors_cm"] = over_floors(records["fine"], "free", "mean_cm")
     return values

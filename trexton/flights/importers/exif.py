@@ -103,7 +103,7 @@ def _text(value: Any) -> str:
 
 
 def _degrees(parts: Any, side: Any, sides: str) -> float:
-    """South and west are negative; raises `ValueError` where no side is told."""
+    """South and west are negative; raises `ValueError` where no side is given."""
     degrees, minutes, seconds = (float(part) for part in (*parts, 0, 0)[:3])
     value = degrees + minutes / 60 + seconds / 3600
     return (1, -1)[sides.index(_text(side).upper()[:1] or "?")] * value
