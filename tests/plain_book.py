@@ -38,7 +38,7 @@ TEMPLATE = (
     (re.compile(r"^ *\{%[^%\n]*%\}\n", re.M), ""),
     (re.compile(r"\{%.*?%\}|\{##.*?##\}", re.S), " "),
     (re.compile(r"""\{\{ see\(["']\w+["'], ["'](.*?)["']\) \}\}"""), r"\1"),
-    (re.compile(r"\{\{ (?:\w+\([^}]*\)|[^}]*\| text) \}\}"), "words"),
+    (re.compile(r"\{\{ (?:\w+\([^}]*\)|[^}]*(?:\| text|\.stale)) \}\}"), "words"),
     (re.compile(r"\{\{.*?\}\}", re.S), "7"),
 )
 ASIDE = re.compile(

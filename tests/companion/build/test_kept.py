@@ -63,14 +63,16 @@ def test_so_does_a_table_of_a_sweep(page, tmp_path):
     assert kept.swept("z") is None and kept.reference("z") is None
 
 
-def test_a_page_of_prose_says_it_of_a_record_that_names_its_modules(tmp_path, monkeypatch):
+def test_a_page_of_prose_says_it_of_every_record(tmp_path, monkeypatch):
     monkeypatch.setattr(prose, "kept_results", lambda: sorted(tmp_path.glob("*.json")))
     made = made_by(MODULE, "trexton.onboard.loop")
     assert made["code"] != made_by(MODULE)["code"]
     for name, code in (("same", made["code"]), ("other", "0" * 64)):
         named = made | {"modules": [MODULE, "trexton.onboard.loop"], "code": code}
         Record(name, "room", {}, {}, provenance=named).save(tmp_path)
+    Record("density", "room", {}, {}, provenance={}).save(tmp_path)
     records = prose.kept_records()
+    assert "density was made by other code" in records["density"]["stale"]
     assert records["same"]["stale"] == "" and "other was made by" in records["other"]["stale"]
 
 

@@ -141,14 +141,14 @@ def renewed_readme(text: str, results: Path) -> str:
 
 def kept_records() -> dict[str, Any]:
     """``{experiment: values}`` of the long runs kept with the code, ``timings`` too; ``stale`` is
-    what to say of one of no experiment, which names its modules, where they have changed.
+    what to say of one that other code made.
     """
     kept = [path for path in kept_results() if not path.stem.startswith("sweep-")]
     records = {path.stem: Record.load(path) for path in kept}
     values = {name: each.values | {"timings": each.timings} for name, each in records.items()}
     for name, each in records.items():
-        if modules := each.provenance.get("modules"):
-            values[name]["stale"] = stale_note(name, each.provenance, *modules)
+        modules = each.provenance.get("modules") or [EXPERIMENTS[each.experiment].module]
+        values[name]["stale"] = stale_note(name, each.provenance, *modules)
     if "fine" in records:
         values["fine"]["over_floors_cm"] = over_floors(records["fine"], "free", "mean_cm")
     return values

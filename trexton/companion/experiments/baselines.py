@@ -254,7 +254,7 @@ def table(record: Record) -> pd.DataFrame:
         row = {"method": LABELS[name], "mean error": say(record.values[name]["mean_cm"])}
         if exchanged:
             row["exchanged"] = say(exchanged[name]["mean_cm"])
-        row["in the 90 % region"] = percent(record.values[name]["held"])
+        row["90 % region covers"] = percent(record.values[name]["held"])
         rows.append(row | {"CPU (ms a frame)": f"{step_ms[name]:.2g}"})
     return pd.DataFrame(rows)
 

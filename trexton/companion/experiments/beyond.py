@@ -248,9 +248,9 @@ def one_frame(record: Record) -> Figure:
             label="likelihood",
         )  # fmt: skip
         for plot, title in (
-            (likely, "2. Where the floor looks so"),
+            (likely, "2. Where the floor looks like it"),
             (before, "3. Hypotheses before"),
-            (after, "4. and after the frame"),
+            (after, "4. Hypotheses after"),
         ):
             floor_axes(plot, area)
             plot.plot(*seen["truth_m"], "o", color=COLORS["truth"], fillstyle="none",

@@ -165,7 +165,7 @@ def table(record: Record) -> pd.DataFrame:
                 f"{number(survey['apart_cm'])} cm",
                 "method": label,
                 "mean error": distance(survey[name]["error_cm"]),
-                "90 % region holds": percent(survey[name]["held"]),
+                "90 % region covers": percent(survey[name]["held"]),
             }
             for survey in record.values["surveys"]
             for name, label in METHODS.items()

@@ -234,7 +234,7 @@ def table(record: Record, method: str) -> pd.DataFrame:
                 "mean error": distance(flown["error_cm"]),
                 "wrong, not lost": percent(flown["wrong"]),
                 "lost": percent(flown["lost"]),
-                "90 % region holds": percent(flown["held"]),
+                "90 % region covers": percent(flown["held"]),
             }
             for words, flown in rows
         ]

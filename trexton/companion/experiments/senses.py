@@ -49,7 +49,7 @@ def finding(record: Record) -> str:
     if record.values["absent"]:
         return f"The data are not at hand: {record.values['absent']}."
     held = percent(record.values["field"]["held"])
-    return f"{baselines.verdict(record.values)} Its 90 % region holds {held} of the positions."
+    return f"{baselines.verdict(record.values)} Its 90 % region covers {held} of the positions."
 
 
 EXPERIMENT = Experiment(

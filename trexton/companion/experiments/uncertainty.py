@@ -34,7 +34,7 @@ SETTLED_S = 2.0  # filters begin with no idea of the place
 FUSED_SETTLED_S = 4.0  # and receivers with none of the velocity
 FAR_M = 1.0  # an error that a claim should tell from smaller ones
 GROUPS = 10
-SENT = {"sent": "as it is sent", "plain": "as if each were news"}
+SENT = {"sent": "as it is sent", "plain": "as if independent"}
 BAND = 0.8, 0.97  # of the truth in the fused 90 % region: that is honest
 
 
