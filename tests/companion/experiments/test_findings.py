@@ -116,9 +116,13 @@ def test_landing():
 @pytest.mark.parametrize(
     ("train", "test", "words"),
     [
-        ((0.15, -0.03, 0.28), (0.57, 0.31, 0.78), ("does not predict", "but predicts")),
+        (
+            (0.15, -0.03, 0.28),
+            (0.57, 0.31, 0.78),
+            ("is not shown to predict", "(0.15 [-0.03, 0.28]) but predicts"),
+        ),
         ((0.15, 0.05, 0.28), (0.57, 0.31, 0.78), ("predicts the errors on", "and predicts")),
-        ((-0.2, -0.3, -0.1), (0.0, -0.1, 0.1), ("misleads on", "but does not predict")),
+        ((-0.2, -0.3, -0.1), (0.0, -0.1, 0.1), ("goes against the", "but is not shown")),
     ],
 )
 def test_map_loss(train, test, words):

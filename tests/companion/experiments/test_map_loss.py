@@ -164,7 +164,7 @@ def test_over_a_field_sigma_grows_with_it_and_what_is_chosen_holds(flights, tmp_
     ]
     record = map_loss.run(*fields, map_loss.Parameters())
     assert record.values["sigma"]["used_m"] == pytest.approx(0.1 * fields[0].diagonal, rel=0.5)
-    assert "The paper's loss" in map_loss.finding(Record.load(record.save(tmp_path / "near")))
+    assert "the paper's loss" in map_loss.finding(Record.load(record.save(tmp_path / "near")))
     far = map_loss.run(*fields, map_loss.Parameters(sigma=0.01))
     assert far.values["sigma"]["used_m"] == 0.01
     sentence = map_loss.finding(Record.load(far.save(tmp_path / "far")))

@@ -23,7 +23,7 @@ from trexton.companion.experiments.similarity import (
 )
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, length_unit, show_floor
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import number
+from trexton.companion.wording import number, span
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training_set import EXCLUDED_SECONDS, training_set
@@ -145,16 +145,16 @@ def finding(record: Record) -> str:
             "Here the paper's loss cannot be compared with errors. Frames lie farther apart than "
             f"sigma reaches, which was {number(record.values['sigma']['used_m'])} m."
         )
-    parts = [f"{_verdict(entry)} the errors {where}" for where, entry in cases.items()]
+    parts = [f"{_verdict(it)} the errors {where} ({span(it, 2)})" for where, it in cases.items()]
     joined = "and" if len({_verdict(entry) for entry in cases.values()}) == 1 else "but"
-    return f"The paper's loss {parts[0]} {joined} {parts[1]}."
+    return f"By rank correlation the paper's loss {parts[0]} {joined} {parts[1]}."
 
 
 def _verdict(entry: dict[str, Any]) -> str:
     """What a rank correlation of loss and error says of the loss."""
     if entry["low"] > 0:
         return "predicts"
-    return "misleads on" if entry["high"] < 0 else "does not predict"
+    return "goes against" if entry["high"] < 0 else "is not shown to predict"
 
 
 def heat_maps(record: Record) -> Figure:
