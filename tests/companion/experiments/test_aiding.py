@@ -43,7 +43,7 @@ def test_the_record_compares_all_with_the_frame_alone(record):
 def test_finding_table_and_figure_say_what_the_record_holds(record):
     sentences = aiding.finding(record)
     sure = record.values["gain_cm"]["field"]["velocity"]["low"] > 0
-    assert (", less beyond chance, and one that" in sentences) == sure
+    assert (" (less, beyond chance). With one that" in sentences) == sure
     assert "a compass turns by 20 degrees" in sentences
     table = aiding.table(record)
     assert list(table.iloc[:, 0]) == list(aiding.AIDINGS.values())

@@ -152,13 +152,13 @@ def finding(record: Record) -> str:
 
     def error(aid: str) -> str:
         low, high = gains[aid]["low"], gains[aid]["high"]
-        sure = "less beyond" if low > 0 else "more beyond" if high < 0 else "the same but for"
-        return f"{distance(middle(field[aid]))}, {sure} chance"
+        sure = "less," if low > 0 else "more," if high < 0 else "no difference"
+        return f"it is {distance(middle(field[aid]))} ({sure} beyond chance)"
 
     return (
-        f"By the frame alone the mean error of method field is {distance(field['nothing'])}. A "
-        f"velocity brings {error('velocity')}, and one that a compass turns by "
-        f"{number(COMPASS_DEG)} degrees {error('turned')}."
+        f"By the frame alone the mean error of method field is {distance(field['nothing'])}. With "
+        f"a velocity {error('velocity')}. With one that a compass turns by {number(COMPASS_DEG)} "
+        f"degrees {error('turned')}."
     )
 
 
