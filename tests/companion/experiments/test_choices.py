@@ -46,7 +46,7 @@ def test_the_figure_shows_the_numbers_of_the_record(record):
     order = record.values["order"]
     points = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
     assert points == [record.values["variants"][key]["mean_cm"]["value"] for key in order]
-    assert [label.get_text() for label in axes.get_yticklabels()] == [
+    assert [" ".join(label.get_text().split()) for label in axes.get_yticklabels()] == [
         record.values["variants"][key]["label"] for key in order
     ]
     filled = [

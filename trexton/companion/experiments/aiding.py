@@ -174,8 +174,8 @@ def table(record: Record) -> pd.DataFrame:
         row = {"measured beside the frame": label}
         for method in METHODS:
             for what in ("error", "gain"):
-                entry = record.values[f"{what}_cm"][method].get(aid)
-                row[f"{method}, {what}"] = distance(entry) if entry else ""
+                if entries := record.values[f"{what}_cm"][method]:
+                    row[f"{method}, {what}"] = distance(entries[aid]) if aid in entries else ""
         rows.append(row)
     return pd.DataFrame(rows)
 

@@ -243,12 +243,14 @@ def one_frame(record: Record) -> Figure:
         histogram = np.array(seen["histogram"])
         counts.bar(np.arange(len(histogram)), 100 * histogram, color=COLORS["zone"], label="share")
         counts.set(title="1. The histogram", xlabel="texton", ylabel="share of the patches (%)")
+        shares = np.array(seen["likelihood"])
+        most = shares.max()  # what is unlikely shows the page, light or dark
         likely.imshow(
-            np.array(seen["likelihood"]), extent=area, origin="lower", cmap="Blues", aspect="equal",
-            label="likelihood",
+            shares, extent=area, origin="lower", cmap="Blues", vmax=1.6 * most, aspect="equal",
+            alpha=np.sqrt(shares / most), label="likelihood",
         )  # fmt: skip
         for plot, title in (
-            (likely, "2. Where the floor looks like it"),
+            (likely, "2. Its likelihood"),
             (before, "3. Hypotheses before"),
             (after, "4. Hypotheses after"),
         ):

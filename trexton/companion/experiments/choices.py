@@ -5,6 +5,7 @@ differ. Others become a way that neither took. The record says which (`FLIGHT_CO
 """
 
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -101,7 +102,7 @@ def finding(record: Record) -> str:
 def costs(record: Record) -> Figure:
     """Mean error of every variant with its 95 % interval; the line is the paper's method."""
     variants = [record.values["variants"][key] for key in record.values["order"]]
-    with canvas(size=(7.2, 0.7 + 0.3 * len(variants))) as (figure, [[plot]]):
+    with canvas(size=(7.2, 0.7 + 0.4 * len(variants))) as (figure, [[plot]]):
         for row, (key, variant) in enumerate(zip(record.values["order"], variants, strict=True)):
             color = COLORS["paper" if key == "paper" else "zone"]
             filled = key == "paper" or variant["flight_code"]
@@ -111,17 +112,12 @@ def costs(record: Record) -> Figure:
             )  # fmt: skip
         paper = variants[0]["mean_cm"]["value"]
         plot.axvline(paper, color=COLORS["paper"], linewidth=0.9, linestyle="--")
-        labels = [variant["label"] for variant in variants]
+        labels = [fill(variant["label"], 32) for variant in variants]
         label_rows(plot, labels, "mean distance to the truth (cm)")
     return figure
 
 
 EXPERIMENT = Experiment(
-    "What the open choices cost",
-    Parameters,
-    run,
-    finding,
-    needs=POSITIONS,
-    after=("mocap_training",),
-    cost_s=40,
-)
+    "What the open choices cost", Parameters, run, finding, needs=POSITIONS,
+    after=("mocap_training",), cost_s=40,
+)  # fmt: skip
