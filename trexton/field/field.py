@@ -48,7 +48,6 @@ class Field(MeasurementModel):
     """The likelihood of a histogram over the whole floor, from processes of the training flight."""
 
     needs = {}
-    optional = frozenset({"process", "length", "mean"})  # maps of version 1.0 hold the mean alone
     cells: int = option(
         4800,
         "squares of the floor, about; fewer where there are many features",
@@ -62,7 +61,6 @@ class Field(MeasurementModel):
     noise: np.ndarray = learned()  # (d, d) their covariance from frame to frame
     process: np.ndarray = learned()  # (N, 2 + d / C) metres and weights of what makes the mean
     length: np.ndarray = learned()  # () metres, of its kernel
-    mean: np.ndarray = learned()  # (M, d) the field at the cells, less the centre
     variance: np.ndarray = learned()  # (M,) its variance there, as a share of the signal
     prior: np.ndarray = learned()  # (M,) log density of the training flight over the cells
     area: np.ndarray = learned()  # (4,)
@@ -72,10 +70,6 @@ class Field(MeasurementModel):
     residual_scale: np.ndarray = learned()  # () see `normalized_residual`
     offsets: np.ndarray = learned()  # (C, 2) metres to the footprints of the `Tiles`
     error_coefficients: np.ndarray = learned()  # (3,) metres, see `predicted_error`
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._known_offsets: np.ndarray | None = None  # of a field of the same camera
 
     def fit(self, training: Training) -> Self:
         """Learn field, noise and errors.
@@ -111,9 +105,8 @@ class Field(MeasurementModel):
         taken = select_features(candidates, histograms, places, training.time, area)
         features = np.asfortranarray(taken(histograms))  # for sums of columns
         centers, _ = grid_cells(area, min(self.cells, max(16, MAX_TABLE // features.shape[1])))
-        offsets = self._known_offsets
-        if offsets is not None and len(offsets) in (1, parts):
-            tiles = Tiles(offsets)
+        if self.offsets is not None and len(self.offsets) in (1, parts):
+            tiles = Tiles(self.offsets)  # of a field of the same camera
         else:
             by_tile, flight = features.reshape(len(features), parts, -1), training.flight
             shape = flight.image(0).shape if flight is not None and flight.has_images else None
@@ -146,28 +139,22 @@ class Field(MeasurementModel):
     def untrained(self) -> Self:
         """As `Part.untrained`; the footprints of the same camera need no second search."""
         part = super().untrained()
-        part._known_offsets = self.offsets
+        part.offsets = self.offsets
         return part
 
     @property
     def width(self) -> int:
         return len(self.axes)
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """As `Part.arrays`, without what is made of others."""
-        made = {"mean"} if self.process is not None else set()
-        return {name: array for name, array in super().arrays().items() if name not in made}
-
     def prepare(self) -> None:
         """Raise `MapError` for arrays that are not finite, or do not fit each other or the grid."""
         d, count = len(self.center), len(self.variance)
         shapes: dict[str, tuple[int, ...]] = {
             "axes": (len(self.axes), d), "center": (d,), "signal": (d,), "noise": (d, d),
-            "mean": (count, d), "variance": (count,), "prior": (count,), "area": (4,),
+            "process": (len(self.process), 2 + d // max(1, len(self.offsets))),
+            "variance": (count,), "prior": (count,), "area": (4,),
             "errors": (3,), "error_coefficients": (3,), "offsets": (len(self.offsets), 2),
         }  # fmt: skip
-        if self.process is not None:
-            shapes["process"] = (len(self.process), 2 + d // max(1, len(self.offsets)))
         for name, array in self.arrays().items():
             if array.shape != shapes.get(name, ()):  # all others are numbers
                 raise MapError(f"the field's {name} has shape {array.shape}: train the map again")
@@ -177,15 +164,12 @@ class Field(MeasurementModel):
         self.centers, self.shape = grid_cells(tuple(self.area.tolist()), wanted)
         if len(self.centers) != count:
             raise MapError(f"a field of {count} cells fits no grid: train the map again")
-        if self.process is not None:
-            places, weights = np.split(self.process, [2], axis=1)
-            origin, length = places.mean(axis=0).round(-3), float(self.length)
-            known = places - origin, weights, length
-            cells = [self.centers - origin + offset for offset in self.offsets]
-            self.mean = np.hstack([posterior_mean(each, *known) for each in cells])
-            self.mean = self.mean.astype(np.float32)
-        elif self.mean is None:
-            raise MapError("the field has neither a mean nor what makes it: train the map again")
+        places, weights = np.split(self.process, [2], axis=1)
+        origin, length = places.mean(axis=0).round(-3), float(self.length)
+        known = places - origin, weights, length
+        cells = [self.centers - origin + offset for offset in self.offsets]
+        # (M, d) the field at the cells, less the centre
+        self.mean = np.hstack([posterior_mean(each, *known) for each in cells]).astype(np.float32)
         self.features = Features(self.axes, bool(self.signed))
         self._tables: dict[int | None, TileTables] = {}
         self.error_model = ErrorModel(*self.errors.tolist())  # of single frames

@@ -38,13 +38,10 @@ class Part(Options):
         Parts that it reads: the role of each, and the class that it must be of.
     uses : tuple of str
         Roles of parts that it reads where a method has them.
-    optional : set of str
-        What it learns that a map may lack.
     """
 
     needs: ClassVar[Mapping[str, type[Any]]] = {}
     uses: ClassVar[tuple[str, ...]] = ()
-    optional: ClassVar[frozenset[str]] = frozenset()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -98,7 +95,7 @@ class Part(Options):
             An array is missing, or one too many.
         """
         expected = {each.name for each in fields(cls) if not each.init}
-        if not expected - cls.optional <= set(arrays) <= expected:
+        if set(arrays) != expected:
             raise MapError(
                 f"{cls.__name__} learns {sorted(expected)}, found {sorted(arrays)}: copy the map "
                 "again or train it anew"
