@@ -10,9 +10,10 @@ import pytest
 
 from trexton.base.progress import set_quiet
 from trexton.base.records import Record
-from trexton.flights import Flight, write_flight
+from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.registry import raw_files
+from trexton.flights.writing import write_flight
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -28,12 +28,13 @@ from trexton.companion.experiments import baselines
 from trexton.companion.experiments.floors import mean_over_floors, painted_floor
 from trexton.companion.experiments.homography import HomographyLocalizer
 from trexton.companion.experiments.metrics import euclidean
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.methods import make
 from trexton.localization.training import for_method, full_histograms, train_map, with_parts
 from trexton.registration.homography import find_homography
-from trexton.simulator import Floor, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
 from trexton.vision.camera import MapImage, transform_points
 from trexton.vision.histograms import sampled_histogram
 

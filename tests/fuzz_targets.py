@@ -20,9 +20,10 @@ from small_recording import film
 from trexton.base.records import Record
 from trexton.cli.replay import replayed
 from trexton.companion.build.sweep import read_plan
-from trexton.flights import Flight, write_flight
 from trexton.flights.check import check_flight
+from trexton.flights.flight import Flight
 from trexton.flights.importers import importer
+from trexton.flights.writing import write_flight
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
 from trexton.vision.calibration import read_calibration

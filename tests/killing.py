@@ -100,7 +100,7 @@ def prepare(folder: Path) -> None:
     """What the commands read."""
     from small_room import histogram_flight, picture_flight
 
-    from trexton.flights import write_flight
+    from trexton.flights.writing import write_flight
 
     seen = picture_flight(folder / "pictures", "room", 16)
     write_flight(replace(seen, split={"train": (100, 109), "test": (110, 115)}), folder / "room")

@@ -9,14 +9,15 @@ from functools import lru_cache
 import numpy as np
 from onboard_tools import AREA, room, room_map
 
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import train_map
-from trexton.onboard import Fix, Onboard
+from trexton.onboard.fix import Fix
+from trexton.onboard.loop import Onboard
 from trexton.onboard.sinks import Guard, Sink
 from trexton.onboard.sources import Frame, Source
 from trexton.onboard.tally import Tally
-from trexton.simulator import Plan, random_waypoints
+from trexton.simulator.recording import Plan, random_waypoints
 
 
 class Kept(Sink):

@@ -13,13 +13,14 @@ from onboard_autopilot import AUTOPILOT_HEARTBEAT, attitude, from_autopilot
 from onboard_consumers import Delayed, ekf2, ekf3, readings
 from scipy.interpolate import CubicSpline
 
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.onboard.fix import Continuity, Fix, LocalFrame
 from trexton.onboard.mavlink.listener import Listener
 from trexton.onboard.mavlink.messages import PROFILES
 from trexton.onboard.mavlink.speaker import Speaker
-from trexton.simulator import Floor, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
 
 SURVEY, FRAMES = 800, 415  # frames of the flights over a painted floor
 DELAYS_S = (0.0, 0.06, 0.15)  # of the camera

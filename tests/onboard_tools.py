@@ -19,7 +19,9 @@ from trexton.onboard.fix import Fix, LocalFrame
 from trexton.onboard.settings import MavlinkOptions
 from trexton.onboard.sinks import Surroundings
 from trexton.onboard.tally import Tally
-from trexton.simulator import Floor, Simulator, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
+from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera, MapImage
 
 CAMERA = Camera(128, 96, 104.0)

@@ -41,7 +41,7 @@ MOVED, REPEATS = 903, 920
 REPEATED_FRAMES, EVERY_S = 800, 8.0  # of a flight over mats that repeat; between kidnappings
 NOTICED_S = 0.5  # after a kidnapping: no frame alone can show it
 SIGMAS = 4.0  # of the position's own covariance, beyond which it is wrong
-MODULES = ("trexton.onboard.loop", "trexton.localization.training", "trexton.simulator")
+MODULES = ("trexton.onboard.loop", "trexton.localization.training", "trexton.simulator.recording")
 MEANS = ("inside", "error_cm")  # over delays; what else is measured says how far they lie apart
 Measures = dict[str, Any]  # of a flight
 

@@ -8,7 +8,10 @@ import numpy as np
 
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import FloorFix
-from trexton.simulator import Effects, Floor, Plan, Simulator, random_waypoints
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import Plan, random_waypoints
+from trexton.simulator.sensor import Effects
+from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera
 
 CAMERA = Camera(320, 240, 260.0)

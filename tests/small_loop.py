@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 
 
 def make_flight(

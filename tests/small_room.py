@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.localization.measurement import RankMixture
 from trexton.localization.motion import RandomWalk

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trexton.flights import Flight, write_flight
+from trexton.flights.flight import Flight
+from trexton.flights.writing import write_flight
 
 ROOT = Path(__file__).parent.parent
 SECTION = re.compile(r"^## (?P<title>.+?)\n(?P<body>.*?)(?=^## |\Z)", re.S | re.M)

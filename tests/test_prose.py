@@ -27,7 +27,9 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.localization.observation import Observation
 from trexton.registration.mosaic import stitch
-from trexton.simulator import Floor, Light, Simulator, record_flight
+from trexton.simulator.floor import Floor, Light
+from trexton.simulator.recording import record_flight
+from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera
 from trexton.vision.histograms import sampled_histogram
 from trexton.vision.textons import draw_patches

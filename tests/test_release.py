@@ -18,7 +18,7 @@ from conftest import ROOT
 from trexton import __version__
 from trexton.base.records import Record
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.flights import read_flight
+from trexton.flights.folder import read_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
 

@@ -37,7 +37,7 @@ factor, rate, label = 2, 0.5, "a"
 # Counts its runs in a file beside the notebook, so that a test can tell reuse from repetition.
 BODY = """import json
 from pathlib import Path
-from trexton.flights import read_flight
+from trexton.flights.folder import read_flight
 
 data = read_flight(flight)
 folder = Path(out) / data.name

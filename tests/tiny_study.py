@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from trexton.base.records import Record
 from trexton.companion.experiments.declaration import SeedParameters, option
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 
 
 @dataclass(frozen=True)

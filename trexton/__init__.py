@@ -18,9 +18,9 @@ os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 
 # The declared interface, at most 40 names: a minor release keeps them and what they take and give.
 _EXPORTS = {
-    "Flight": "trexton.flights",
-    "read_flight": "trexton.flights",
-    "write_flight": "trexton.flights",
+    "Flight": "trexton.flights.flight",
+    "read_flight": "trexton.flights.folder",
+    "write_flight": "trexton.flights.writing",
     "import_flight": "trexton.flights.importing",
     "Aiding": "trexton.flights.aiding",
     "Camera": "trexton.vision.camera",

@@ -14,7 +14,7 @@ import pytest
 from small_room import histogram_flight, picture_flight
 
 from trexton.cli.main import main
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 from trexton.onboard import tally
 
 READ_ONLY, REMOUNT = 1, 32  # of mount(2)

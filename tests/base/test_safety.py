@@ -23,11 +23,12 @@ from trexton.base.files import (
 )
 from trexton.base.pictures import declared_size, decode
 from trexton.cli.main import main, sentence
-from trexton.flights import Flight, write_flight
+from trexton.flights.flight import Flight
 from trexton.flights.folder import load_folder
 from trexton.flights.frames import ImageFiles
 from trexton.flights.tables import read_table
-from trexton.simulator import Floor
+from trexton.flights.writing import write_flight
+from trexton.simulator.floor import Floor
 from trexton.vision.images import read_image
 
 

@@ -20,7 +20,7 @@ from trexton.companion.build.display import Display, Outcome
 from trexton.companion.build.flight_pairs import load_pair
 from trexton.companion.build.make import Made
 from trexton.companion.experiments import assessment
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 
 OUTCOMES = [
     Outcome("room", "mocap_training", "ran", ("its code changed",), 2.0),

@@ -14,8 +14,8 @@ import pytest
 from trexton.base.cache import repository_root
 from trexton.base.errors import DataError, ParameterError
 from trexton.cli import main as cli
-from trexton.flights import read_flight
 from trexton.flights import registry as data
+from trexton.flights.folder import read_flight
 
 TABLE = "mat_train_hists_texton.csv"
 

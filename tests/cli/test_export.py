@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trexton.cli.export import write_tum
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 
 
 def flight(position: np.ndarray, **more) -> Flight:

@@ -22,13 +22,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from trexton.cli import preflight as module
 from trexton.cli.main import main
 from trexton.cli.preflight import preflight
-from trexton.flights import read_flight, write_flight
+from trexton.flights.folder import read_flight
+from trexton.flights.writing import write_flight
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
-from trexton.onboard import Settings
-from trexton.onboard.settings import Flying, Landing, MapPlacement
+from trexton.onboard.settings import Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sources import Playback, recorded, video
-from trexton.simulator import Effects, record_flight
+from trexton.simulator.recording import record_flight
+from trexton.simulator.sensor import Effects
 
 LOADED = recorded, video  # threads that import one module at once may see half of it
 

@@ -19,11 +19,11 @@ from trexton.evaluation.held_out import (
     replay,
     stretches,
 )
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 from trexton.localization.map_files import load_map
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import train_map
-from trexton.simulator import record_flight
+from trexton.simulator.recording import record_flight
 
 
 @pytest.fixture(scope="module")

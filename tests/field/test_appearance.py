@@ -11,7 +11,9 @@ from trexton.field.appearance import Tracked
 from trexton.flights.aiding import Aiding
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map, with_choices
-from trexton.simulator import Floor, Light, Plan, Simulator, random_waypoints, record_flight
+from trexton.simulator.floor import Floor, Light
+from trexton.simulator.recording import Plan, random_waypoints, record_flight
+from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera
 from trexton.vision.correction import corrected_frame, corrected_patches
 from trexton.vision.images import gather_patches, sample_positions

@@ -14,11 +14,12 @@ from test_import_odd import table
 
 from trexton.base.errors import FlightError
 from trexton.cli import main as cli
-from trexton.flights import read_flight, write_flight
 from trexton.flights.check import check_flight, repair_flight
+from trexton.flights.folder import read_flight
 from trexton.flights.importers import guess_kind
 from trexton.flights.importing import import_flight, preview_import
 from trexton.flights.plausibility import warnings
+from trexton.flights.writing import write_flight
 
 N = 10**9
 

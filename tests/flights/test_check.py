@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton.flights import read_flight, write_flight
 from trexton.flights.check import check_flight
+from trexton.flights.folder import read_flight
 from trexton.flights.importing import import_flight
+from trexton.flights.writing import write_flight
 
 
 def walk(frames: int = 600):

@@ -13,10 +13,11 @@ from conftest import small_flight
 
 from trexton.base.errors import FlightError, ImageError
 from trexton.companion.build.flight_pairs import load_pair, with_splits
-from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.check import check_flight
-from trexton.flights.folder import load_folder
-from trexton.simulator import Floor
+from trexton.flights.flight import Flight
+from trexton.flights.folder import load_folder, read_flight
+from trexton.flights.writing import write_flight
+from trexton.simulator.floor import Floor
 from trexton.vision.camera import Camera
 
 

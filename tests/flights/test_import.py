@@ -8,7 +8,8 @@ import pytest
 from small_recording import film
 
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.flights import importing, read_flight
+from trexton.flights import importing
+from trexton.flights.folder import read_flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers import IMPORTERS, guess_kind, importer
 from trexton.flights.importers.recording import PoseTrack, local_metres

@@ -15,7 +15,8 @@ from small_recording import film
 from test_import import euroc, picture, write_bag
 
 from trexton.base.errors import TrextonError
-from trexton.flights import importing, read_flight
+from trexton.flights import importing
+from trexton.flights.folder import read_flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.images import of_one_size
 from trexton.flights.importers.recording import PoseTrack, Recording

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trexton.flights import Flight
-from trexton.flights.flight import area_around
+from trexton.flights.flight import Flight, area_around
 from trexton.flights.importers.axes import (
     AXES,
     TAKEN,

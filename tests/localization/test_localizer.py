@@ -9,7 +9,7 @@ from conftest import small_flight
 from small_room import histogram_flight
 
 from trexton.base.errors import ImageError, MapError, ParameterError
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.localization.localizer import MAX_CATCH_UP, Localizer, TextonMap
 from trexton.localization.map_files import load_map, save_map, to_arrays

@@ -12,7 +12,7 @@ from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.odometry import SIGMA_FLOOR, Visual
 from trexton.localization.training import train_map, with_choices
-from trexton.simulator import record_flight
+from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera
 
 FRAMES = 60

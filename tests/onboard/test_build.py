@@ -10,12 +10,12 @@ from conftest import small_flight
 from onboard_tools import room_map
 
 from trexton.cli.main import main
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
-from trexton.onboard import Settings, build
-from trexton.onboard.settings import Flying
+from trexton.onboard.build import build
+from trexton.onboard.settings import Flying, Settings
 
 
 @pytest.fixture

@@ -18,13 +18,13 @@ from onboard_tools import AREA, field_map, mavlink, room, room_map, surroundings
 
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map
-from trexton.onboard import Onboard
 from trexton.onboard.fix import Fix
+from trexton.onboard.loop import Onboard
 from trexton.onboard.sinks import Guard, Sink, open_sink
 from trexton.onboard.sources import Frame, Source
 from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.tally import Tally
-from trexton.simulator import Plan, random_waypoints
+from trexton.simulator.recording import Plan, random_waypoints
 
 
 class Memory(Sink):

@@ -11,7 +11,7 @@ from onboard_flying import Film, Kept, Live, filmed, room_localizer, run
 from onboard_tools import Clock
 from patience import eventually
 
-from trexton.onboard import Onboard
+from trexton.onboard.loop import Onboard
 from trexton.onboard.sinks import Guard, Sink
 from trexton.onboard.sources import CameraLost, Frame
 from trexton.onboard.tally import Tally

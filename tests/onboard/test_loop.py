@@ -16,14 +16,15 @@ from onboard_tools import AREA, Clock, field_map, room
 from patience import eventually
 
 from trexton.base.streams import stream
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
-from trexton.onboard import Fix, Onboard
+from trexton.onboard.fix import Fix
+from trexton.onboard.loop import Onboard
 from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.tally import Tally
-from trexton.simulator import Plan, random_waypoints
+from trexton.simulator.recording import Plan, random_waypoints
 
 
 @pytest.fixture

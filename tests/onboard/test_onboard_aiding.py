@@ -22,7 +22,7 @@ from trexton.onboard.sinks import Guard
 from trexton.onboard.sources import Frame
 from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.tally import Tally
-from trexton.simulator import record_flight
+from trexton.simulator.recording import record_flight
 
 FULL = Aiding(0.1, -0.2, 0.3, 1.5, np.array([0.4, 0.5]), 10.0, 10.0, 10.0)
 

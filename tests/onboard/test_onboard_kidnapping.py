@@ -11,7 +11,7 @@ from trexton.base.errors import FlightError
 from trexton.base.streams import stream
 from trexton.companion.experiments import kidnapping
 from trexton.companion.experiments.rates import wilson_interval
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 
 
 def wandering_flight(name: str, seed: int, frames: int = 240) -> Flight:

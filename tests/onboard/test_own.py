@@ -14,7 +14,7 @@ from conftest import ROOT
 from small_room import histogram_flight
 
 from trexton.cli.main import main
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 
 OWN = """
 from dataclasses import dataclass

@@ -9,7 +9,7 @@ import pytest
 
 from trexton.localization.training import train_map
 from trexton.onboard.fix import Fix
-from trexton.simulator import record_flight
+from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")

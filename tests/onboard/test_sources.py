@@ -15,7 +15,7 @@ from onboard_tools import Clock
 
 from trexton.base.errors import FlightError, TrextonError
 from trexton.base.plugins import resolve
-from trexton.flights import read_flight
+from trexton.flights.folder import read_flight
 from trexton.onboard.sources import (
     SOURCES,
     CameraLost,

@@ -13,7 +13,7 @@ import pytest
 from conftest import small_flight
 from patience import eventually
 
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 from trexton.onboard import tally

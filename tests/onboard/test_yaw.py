@@ -13,7 +13,9 @@ from trexton.flights.aiding import Aiding
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map
 from trexton.onboard.fix import Continuity, Fix, LocalFrame
-from trexton.simulator import Floor, Simulator, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
+from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera
 
 PERIOD = 0.08

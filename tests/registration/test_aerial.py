@@ -14,7 +14,7 @@ from test_mosaic import CAMERA, lanes, links_of
 
 from trexton.base.errors import MapError
 from trexton.companion.experiments.homography import HomographyLocalizer
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map

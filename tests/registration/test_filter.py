@@ -14,7 +14,9 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map, with_parts
 from trexton.registration.filter import Registration
-from trexton.simulator import Effects, Floor, Light, record_flight
+from trexton.simulator.floor import Floor, Light
+from trexton.simulator.recording import record_flight
+from trexton.simulator.sensor import Effects
 from trexton.vision.camera import Camera
 
 CAMERA = Camera(160, 120, 130.0)

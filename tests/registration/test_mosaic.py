@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import FlightError, MapError, ParameterError
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.registration import mosaic as stitching
 from trexton.registration.adjust import adjust, link_errors
@@ -30,7 +30,8 @@ from trexton.registration.layout import (
 )
 from trexton.registration.links import match_frames
 from trexton.registration.mosaic import stitch
-from trexton.simulator import Effects, record_flight
+from trexton.simulator.recording import record_flight
+from trexton.simulator.sensor import Effects
 from trexton.vision.camera import Camera, transform_points
 
 CAMERA = Camera(width=320, height=240, focal=260.0)

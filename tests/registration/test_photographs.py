@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from trexton.companion.experiments.homography import HomographyLocalizer
-from trexton.flights import Flight
+from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.localization.lens import flight_camera
 from trexton.registration import mosaic as stitching

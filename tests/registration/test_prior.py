@@ -9,7 +9,7 @@ from registration_tools import CAMERA, errors, flight, waypoints
 from trexton.registration.alignment import Alignment
 from trexton.registration.prior import PosePrior
 from trexton.registration.tracker import FloorTracker
-from trexton.simulator import Floor
+from trexton.simulator.floor import Floor
 
 
 def test_without_a_heading_roll_and_pitch_still_count():

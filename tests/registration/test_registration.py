@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 from registration_tools import CAMERA, errors, flight, waypoints
 
-from trexton.base.errors import ImageError, MapError, ParameterError
+from trexton.base.errors import MapError
 from trexton.registration.alignment import Aligner
 from trexton.registration.belief import CellBelief
 from trexton.registration.ground import CoarseMatcher, Ground, fine_cell
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import FloorFix, Trust, learn_trust
-from trexton.simulator import Floor, Simulator
+from trexton.simulator.floor import Floor
+from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import MapImage, transform_points
 from trexton.vision.visual_odometry import shrink, shrunken_camera
 
@@ -278,13 +279,6 @@ def test_a_camera_of_three_frames_a_second_is_followed_around_corners(known):
     error, fixes = errors(tracker, waypoints()[::4], known)
     assert error[6:].max() < 0.05
     assert np.mean([fix.lost for fix in fixes[6:]]) < 0.25
-
-
-def test_what_cannot_be_is_refused():
-    with pytest.raises(ParameterError, match="height"):
-        FloorTracker(floor(), CAMERA, 0.0)
-    with pytest.raises(ImageError, match="640x480"):
-        FloorTracker(floor(), CAMERA, 1.0).step(np.zeros((480, 640, 3), np.uint8))
 
 
 # -- trust

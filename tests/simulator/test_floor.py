@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import ParameterError
-from trexton.simulator import LAYOUTS, Floor
+from trexton.simulator.floor import LAYOUTS, Floor
 from trexton.simulator.hall import paint_hall
 from trexton.simulator.mats import HALL
 

@@ -11,7 +11,10 @@ import pytest
 from trexton.base.errors import ParameterError
 from trexton.cli.main import main
 from trexton.flights.folder import load_folder
-from trexton.simulator import Effects, Floor, Simulator, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
+from trexton.simulator.sensor import Effects
+from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera, MapImage
 
 SMALL = Camera(160, 120, 130.0)
@@ -74,7 +77,7 @@ def test_the_pair_shares_a_floor_but_not_the_flight(tmp_path, floor):
 
 def test_the_images_show_the_place_that_the_truth_names(tmp_path, floor):
     effects = replace(
-        Effects().without(*Effects.names()),
+        Effects().without(*Effects().as_dict()),
         roll_pitch=1.0,
         yaw=0.03,
         height_ripple=0.03,

@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import ImageError, ParameterError
-from trexton.simulator import Effects, Floor, Light, Simulator
+from trexton.simulator.floor import Floor, Light
 from trexton.simulator.hall import SIDE
-from trexton.simulator.sensor import Sensor
+from trexton.simulator.sensor import Effects, Sensor
+from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera, MapImage, transform_points
 from trexton.vision.images import read_image
 
 SMALL = Camera(160, 120, 130.0)
 # A perfect camera, level and at constant height.
-NOTHING = Effects().without(*Effects.names())
+NOTHING = Effects().without(*Effects().as_dict())
 DOTS = np.array([[x, y] for x in np.arange(0.3, 2.8, 0.21) for y in np.arange(0.31, 2.8, 0.21)])
 
 
@@ -333,7 +334,7 @@ def test_bad_floors_and_effects_are_refused(tmp_path):
             Floor.from_file(tmp_path / "strip.png", 5.0)
     with pytest.raises(ParameterError, match="no parameter 'fog'"):
         Effects().without("fog")
-    for name in Effects.names():
+    for name in Effects().as_dict():
         with pytest.raises(ParameterError, match=name):
             replace(Effects(), **{name: -1.0})
         assert getattr(Effects().without(name), name) == 0

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import ParameterError
-from trexton.simulator import PERIOD, Plan, Vehicle, random_waypoints, survey
-from trexton.simulator.vehicle import STEP
+from trexton.simulator.recording import Plan, random_waypoints, survey
+from trexton.simulator.simulator import PERIOD
+from trexton.simulator.vehicle import STEP, Vehicle
 
 AREA = (0.0, 5.0, 0.0, 5.0)
 

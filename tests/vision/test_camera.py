@@ -13,17 +13,18 @@ from onboard_tools import colourful_floor
 
 from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.cli.main import main
-from trexton.flights import read_flight, write_flight
+from trexton.flights.folder import read_flight
 from trexton.flights.importing import import_flight
+from trexton.flights.writing import write_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
-from trexton.onboard import Settings, build
+from trexton.onboard.build import build
 from trexton.onboard.intake import Grabber
-from trexton.onboard.settings import Flying
+from trexton.onboard.settings import Flying, Settings
 from trexton.onboard.sources import Frame, open_source
 from trexton.onboard.tally import Tally
-from trexton.simulator import record_flight
+from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera, Rectification
 from trexton.vision.images import yuv_from_bgr
 

@@ -7,7 +7,7 @@ import pytest
 from plain import plain_kohonen_steps
 
 from trexton.base.errors import ImageError, MapError, ParameterError, TrextonError
-from trexton.flights import read_flight
+from trexton.flights.folder import read_flight
 from trexton.vision import kernels
 from trexton.vision import textons as textons_module
 from trexton.vision.images import draw_patches, gather_patches

@@ -7,10 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trexton.flights import read_flight, write_flight
 from trexton.flights.check import check_flight, repair_flight
 from trexton.flights.flight import Flight
-from trexton.simulator import Effects, Floor, Simulator, record_flight
+from trexton.flights.folder import read_flight
+from trexton.flights.writing import write_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
+from trexton.simulator.sensor import Effects
+from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera
 from trexton.vision.time_offset import small, time_offset, turns
 

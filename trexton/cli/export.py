@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.flights import read_flight
+    from trexton.flights.folder import read_flight
 
     check_not_read(arguments.out, arguments.flight)
     flight = read_flight(arguments.flight)

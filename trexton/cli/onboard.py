@@ -48,8 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     from trexton.base.errors import TrextonError
     from trexton.base.records import plain
-    from trexton.onboard import Settings, build
-    from trexton.onboard.settings import Flying
+    from trexton.onboard.build import build
+    from trexton.onboard.settings import Flying, Settings
     from trexton.onboard.tally import flush, say
 
     settings = Settings(

@@ -8,7 +8,9 @@ from trexton.base.errors import ParameterError
 from trexton.base.files import check_not_read
 from trexton.base.options import Options, option
 from trexton.base.progress import say
-from trexton.simulator import LAYOUTS, PATTERNS, Effects, Floor, record_flight
+from trexton.simulator.floor import LAYOUTS, Floor
+from trexton.simulator.recording import PATTERNS, record_flight
+from trexton.simulator.sensor import Effects
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", required=True, metavar="FLIGHT", help="folder to write")
     parser.add_argument("--replace", action="store_true", help="replace the folder that is there")
     add_options(parser, SimulateOptions)
-    effects = ", ".join(f"{name}={getattr(Effects(), name):g}" for name in Effects.names())
+    effects = ", ".join(f"{each.name}={each.default:g}" for each in Effects.declared())
     words = f"strength of an effect, 0 switches it off; the defaults are {effects}"
     add_assignments(parser, "EFFECT=VALUE", words)
 

@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.base.files import check_not_read, check_writable
-    from trexton.flights import read_flight
+    from trexton.flights.folder import read_flight
 
     options = chosen_options(arguments, TrainOptions)
     check_not_read(arguments.output, arguments.flight)

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from trexton.field.likelihood import kernels, matern, posterior_mean
+from trexton.field.likelihood import kernels, matern
 from trexton.vision.threads import ahead
 
 # Noise of a frame as a share of the signal variance, what the field must not try to follow: of
@@ -170,10 +170,6 @@ class Process:
         matrix[np.diag_indices(len(places))] += noise / (1 if counts is None else counts)
         self.precision = np.linalg.inv(matrix)
         self.weights = self.precision @ features
-
-    def mean(self, places: np.ndarray) -> np.ndarray:
-        """``(M, K)`` mean at places, in slices that stay small."""
-        return posterior_mean(places, self.places, self.weights, self.length)
 
     def variance(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` variance at places, without noise."""

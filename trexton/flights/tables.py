@@ -62,8 +62,12 @@ class TextTable:
         return [cell.strip() for cell in self.cells[name]]
 
     def numbers(self, name: str, missing_allowed: bool = True) -> np.ndarray:
-        """``(N,) float64`` column; a missing value is NaN. Raises `FlightError` where there is no
-        such column, or a row of it holds something else.
+        """``(N,) float64`` column; a missing value is NaN.
+
+        Raises
+        ------
+        FlightError
+            There is no such column, or a row of it holds something else.
         """
         texts = self.texts(name)
         if self.decimal == ",":
@@ -79,7 +83,11 @@ class TextTable:
 
     def nanoseconds(self, name: str, unit: str = "s") -> np.ndarray:
         """``(N,) int64`` stamps, exact: floats would lose microseconds. Dates count from 1970.
-        Raises `FlightError` where there is no such column, or a stamp is none or beyond 2262.
+
+        Raises
+        ------
+        FlightError
+            There is no such column, or a stamp is none or beyond the year 2262.
         """
         stamps = np.empty(len(self), dtype=np.int64)
         for row, text in enumerate(self.texts(name)):
@@ -166,8 +174,12 @@ def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:
 
     Comma, semicolon, tab or blanks separate. A ``#`` before the header is dropped, lines that
     begin with one are comments, rows without any text are passed over. Where commas do not
-    separate, they may be decimal. Raises `FlightError` where the file cannot be read, has no rows,
-    a name twice, or a row has another number of fields.
+    separate, they may be decimal.
+
+    Raises
+    ------
+    FlightError
+        The file cannot be read, has no rows, a name twice, or a row has another number of fields.
     """
     text = read_text(path)
     lines = (line for line in text.splitlines() if line.strip())

@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 
-from trexton.base.errors import MapError
 from trexton.flights.aiding import Aiding
 from trexton.localization.neighbors import Neighbors
 
@@ -34,7 +33,7 @@ class Observation:
         aiding: Aiding | None = None,
         time: float | None = None,
         samples: int | None = None,
-        histogram: Callable[[], np.ndarray] | None = None,
+        histogram: Callable[[], np.ndarray],
         neighbors: Callable[[np.ndarray], Neighbors] | None = None,
     ):
         self.frame, self.time, self.samples = frame, time, samples
@@ -47,15 +46,12 @@ class Observation:
     @cached_property
     def histogram(self) -> np.ndarray:
         """``(K,)`` texton frequencies of the frame."""
-        if self._count is None:
-            raise MapError("this observation has no histogram: give a frame and a map with textons")
         return self._count()
 
     @cached_property
     def neighbors(self) -> Neighbors:
         """The most similar training histograms."""
-        if self._search is None:
-            raise MapError("this observation has no neighbours: give a map to search in")
+        assert self._search is not None  # every localizer gives it
         return self._search(self.histogram)
 
     @property

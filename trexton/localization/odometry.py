@@ -97,7 +97,7 @@ class RunningVisual:
 
     def __init__(self, part: Visual):
         camera, self._height = camera_of(part.camera)  # where nothing tells how high it flies
-        self._odometry = VisualOdometry(camera, width=min(WIDTH, camera.width))
+        self._odometry = VisualOdometry(camera, WIDTH)
         self._part = part
         self.reset()
 

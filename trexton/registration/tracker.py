@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trexton.base.options import number
 from trexton.registration.alignment import Aligner, Alignment
 from trexton.registration.belief import KNOWN, CellBelief, ViewMotion, Window
 from trexton.registration.ground import FRAME, CoarseMatcher, Ground, fine_cell
@@ -45,11 +44,6 @@ class FloorTracker:
         Standard deviations of the attitude (radians) and the height (metres) that `step` is given.
     alone : bool
         Photographs: each frame is located by itself, whatever came before.
-
-    Raises
-    ------
-    ParameterError
-        The height is not positive.
     """
 
     def __init__(
@@ -63,11 +57,10 @@ class FloorTracker:
         height_sigma: float = 0.02,
         alone: bool = False,
     ):
-        self.alone = alone
-        self.height = number(height, "the usual height in metres", above=0)
+        self.alone, self.height = alone, height
         self.trust = trust or Trust()
         self.attitude_sigma, self.height_sigma = attitude_sigma, height_sigma
-        self.odometry = VisualOdometry(camera, width=min(FRAME, camera.width))
+        self.odometry = VisualOdometry(camera, FRAME)
         self.camera = self.odometry.camera
         footprint = (cell := fine_cell(camera, self.height)) * self.camera.width
         ground = Ground.from_map(picture, footprint / _COARSE, 0.6 * footprint)
@@ -106,11 +99,6 @@ class FloorTracker:
             Roll, pitch, yaw in radians, NaN where not measured; roll and pitch count together only.
         height : float, optional
             Metres above the floor, measured; one of another order than usual is not believed.
-
-        Raises
-        ------
-        ImageError
-            The frame is not of the camera's size.
         """
         if image is None:
             return self._without_frame()

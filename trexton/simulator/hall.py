@@ -26,15 +26,12 @@ LANDING_CIRCLE = (2.5, 2.42, 0.42)  # x, y, radius in metres
 def paint_hall(rng: np.random.Generator, placements: Sequence[Placement] = HALL) -> MapImage:
     """Paint boards, mats, tags, tape, a landing circle, lost things, all by the generator."""
     hall = _Hall(rng, placements)
-    for draw in (
-        hall.lay_boards,
-        hall.mark_lanes,
-        hall.lay_mats,
-        hall.mark_landing_circle,
-        hall.stick_tags,
-        hall.scatter_objects,
-    ):
-        draw()
+    hall.lay_boards()
+    hall.mark_lanes()
+    hall.lay_mats()
+    hall.mark_landing_circle()
+    hall.stick_tags()
+    hall.scatter_objects()
     # Ink spreads and edges are soft, which also prevents aliasing.
     picture = cv2.GaussianBlur(hall.picture, (0, 0), 0.6)
     return MapImage.from_extent(picture, 0.0, SIDE, PIXELS_PER_METRE)

@@ -12,7 +12,8 @@ from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_folder
 from trexton.base.options import whole
 from trexton.base.progress import progress
-from trexton.flights import Flight, read_flight
+from trexton.flights.flight import Flight
+from trexton.flights.folder import read_flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.writing import write_tables
 from trexton.simulator.floor import Floor, Light
@@ -90,12 +91,10 @@ def _lanes(
             yield np.array([across, along] if swap else [along, across])
 
 
-def random_waypoints(
-    area: Area, rng: np.random.Generator, apart: float = 1.0
-) -> Iterator[np.ndarray]:
-    """Random places without end, `apart` metres (or a third of the area) or more from the last."""
+def random_waypoints(area: Area, rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """Random places without end, a metre (or a third of the area) or more from the last."""
     low, high = _inside(area)
-    apart = min(apart, float((high - low).min()) / 3)
+    apart = min(1.0, float((high - low).min()) / 3)
     last = rng.uniform(low, high)
     while True:
         yield last

@@ -56,11 +56,6 @@ class Effects(Options):
         92.0, "quality of the JPEG files, 1 to 100; off, files are lossless PNG", low=0, high=100
     )
 
-    @classmethod
-    def names(cls) -> tuple[str, ...]:
-        """The names of all effects."""
-        return tuple(each.name for each in cls.declared())
-
     def without(self, *names: str) -> Effects:
         """These effects switched off, the others as they are."""
         return replace(self, **self.checked(dict.fromkeys(names, 0.0), "a camera"))

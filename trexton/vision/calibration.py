@@ -2,7 +2,7 @@
 writes (YAML, JSON), or Kalibr's ``camchain.yaml``.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,16 +34,20 @@ def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.
     FlightError
         The file is of neither kind, far longer or deeper than a calibration, or of no camera.
     """
-
-    def described(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:
-        if "camera_matrix" in content:
-            return _opencv(content)
-        if "cam0" in content or camera_name in content:  # Kalibr's, in the words of ASL
-            content = content[camera_name]
-            content = {"distortion_coefficients": content.get("distortion_coeffs", []), **content}
-        return _asl(content)
-
-    camera, distortion = _read(path, described)
+    text = read_text(path)
+    try:
+        if len(text) > MOST_CHARACTERS or sum(map(text.count, OPENING)) > MOST_OPENINGS:
+            raise ValueError("too long or too deep for one")
+        camera, distortion = _described(_yaml(text), camera_name)
+    except ParameterError as error:  # a calibration, but of no camera
+        raise FlightError(f"{path}: {error}: correct it") from None
+    except (
+        ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
+    ) as error:  # fmt: skip
+        why = " ".join(str(error).split())[:200]
+        raise FlightError(
+            f"{path}: no calibration of OpenCV (YAML or JSON), ASL or Kalibr ({why}): correct it"
+        ) from None
     wrong = ""
     if camera.width * camera.height > MOST_PIXELS or not np.isfinite(distortion).all():
         wrong = f"expected a picture of 1 to {MOST_PIXELS:,} pixels and finite numbers"
@@ -55,24 +59,13 @@ def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.
     return camera, distortion if distortion.any() else None
 
 
-def _read(
-    path: Path, meant: Callable[[Mapping[str, Any]], tuple[Camera, np.ndarray]]
-) -> tuple[Camera, np.ndarray]:
-    """What the content of a calibration means; whatever is wrong with it is one `FlightError`."""
-    text = read_text(path)
-    try:
-        if len(text) > MOST_CHARACTERS or sum(map(text.count, OPENING)) > MOST_OPENINGS:
-            raise ValueError("too long or too deep for one")
-        return meant(_yaml(text))
-    except ParameterError as error:  # a calibration, but of no camera
-        raise FlightError(f"{path}: {error}: correct it") from None
-    except (
-        ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
-    ) as error:  # fmt: skip
-        why = " ".join(str(error).split())[:200]
-        raise FlightError(
-            f"{path}: no calibration of OpenCV (YAML or JSON), ASL or Kalibr ({why}): correct it"
-        ) from None
+def _described(content: Mapping[str, Any], camera_name: str) -> tuple[Camera, np.ndarray]:
+    if "camera_matrix" in content:
+        return _opencv(content)
+    if "cam0" in content or camera_name in content:  # Kalibr's, in the words of ASL
+        content = content[camera_name]
+        content = {"distortion_coefficients": content.get("distortion_coeffs", []), **content}
+    return _asl(content)
 
 
 def _opencv(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:

@@ -9,11 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trexton.base.errors import ImageError
-from trexton.base.options import whole
 from trexton.vision.camera import Camera, transform_points
 
-_LEVEL = np.zeros(3)
 FEWEST = 12  # points that must be followed from frame to frame, and agree
 
 
@@ -60,12 +57,10 @@ class VisualOdometry:
     camera : Camera
         Of the frames as they come.
     width : int
-        Pixels that a shrunken frame is wide, about.
+        Pixels that a shrunken frame is wide, about; smaller frames stay as they are.
     """
 
-    def __init__(self, camera: Camera, *, width: int = 160):
-        width = whole(width, "the width in pixels", 16, camera.width)
-        self.source = camera
+    def __init__(self, camera: Camera, width: int):
         self.factor = max(1, round(camera.width / width))
         self.camera = shrunken_camera(camera, self.factor)
         size = (self.camera.width, self.camera.height)
@@ -78,18 +73,7 @@ class VisualOdometry:
         self._pose: tuple[float, NDArray[np.float64]] | None = None
 
     def shrunken(self, image: np.ndarray) -> np.ndarray:
-        """``(h, w) uint8`` luma of a frame, ``(H, W, 3)`` Y, U, V or ``(H, W)`` luma, for `shift`.
-
-        Raises
-        ------
-        ImageError
-            The frame is not of the camera's size.
-        """
-        if image.shape[:2] != (self.source.height, self.source.width):
-            raise ImageError(
-                f"the frame is {image.shape[1]}x{image.shape[0]}, the camera takes "
-                f"{self.source.width}x{self.source.height}: set the camera to that size"
-            )
+        """``(h, w) uint8`` luma of an ``(H, W, 3)`` Y, U, V or ``(H, W)`` luma frame."""
         return shrink(image if image.ndim == 2 else cv2.extractChannel(image, 0), self.factor)
 
     def shift(self, frame: np.ndarray) -> tuple[NDArray[np.float64], float]:
@@ -104,7 +88,7 @@ class VisualOdometry:
         return np.array([-right, down]), float(response)
 
     def step(
-        self, image: np.ndarray, time: float, *, height: float, attitude: ArrayLike | None = None
+        self, image: np.ndarray, time: float, *, height: float, attitude: ArrayLike
     ) -> tuple[NDArray[np.float64], float] | None:
         """``(2,)`` metres a second since the frame before, along the world's axes (the vehicle's,
         without a heading), and how sure, 0 to 1; None for the first.
@@ -118,16 +102,10 @@ class VisualOdometry:
             Stamp in seconds, later than that of the frame before.
         height : float
             Metres above the floor.
-        attitude : (3,) array, optional
-            Roll, pitch, yaw in radians. Without it, a tilt that changes looks like motion.
-
-        Raises
-        ------
-        ImageError
-            The frame is not of the camera's size.
+        attitude : (3,) array
+            Roll, pitch, yaw in radians; of a tilt that is not known, changes look like motion.
         """
-        now = _LEVEL if attitude is None else np.asarray(attitude, dtype=float)
-        last = self._pose
+        last, now = self._pose, np.asarray(attitude, dtype=float)
         shift, sure = self.shift(self.shrunken(image))
         self._pose = (time, now)
         if last is None:

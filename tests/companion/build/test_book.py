@@ -23,7 +23,8 @@ from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.prose import context, public_names, render
 from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.flights import read_flight, write_flight
+from trexton.flights.folder import read_flight
+from trexton.flights.writing import write_flight
 from trexton.localization.landing import TouchdownZone
 
 BUILT = ROOT / "book" / "_build" / "html"

@@ -26,7 +26,7 @@ from trexton.cli.main import main
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.sweep import SweepPlan, sweep
 from trexton.companion.build.workers import callers, connect
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 
 RECORDED = ("parameters", "values", "provenance")
 

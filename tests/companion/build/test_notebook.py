@@ -17,7 +17,7 @@ from trexton.companion.build import notebook
 from trexton.companion.experiments import mocap_training
 from trexton.companion.experiments.declaration import SeedParameters, option
 from trexton.companion.experiments.printed import published
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from slurm_tools import LocalSlurm, missing
 
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.sweep import SweepPlan, sweep
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 
 
 @pytest.mark.slow

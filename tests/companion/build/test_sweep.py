@@ -14,7 +14,7 @@ from trexton.base.errors import ParameterError
 from trexton.cli import main as cli
 from trexton.companion.build.flight_pairs import FlightPair, check_names
 from trexton.companion.build.sweep import SweepPlan, sweep
-from trexton.flights import write_flight
+from trexton.flights.writing import write_flight
 
 
 @pytest.fixture

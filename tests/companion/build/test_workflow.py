@@ -24,7 +24,8 @@ from trexton.cli import main as cli
 from trexton.companion.build.flight_pairs import FlightPair, load_pair
 from trexton.companion.build.plan import run_experiments
 from trexton.companion.experiments.declaration import Experiment
-from trexton.flights import read_flight, write_flight
+from trexton.flights.folder import read_flight
+from trexton.flights.writing import write_flight
 
 
 @pytest.fixture

@@ -13,8 +13,10 @@ from small_recording import recording
 
 from trexton.cli.main import main
 from trexton.companion.build.prose import context, render
-from trexton.flights import Flight, read_flight, write_flight
+from trexton.flights.flight import Flight
+from trexton.flights.folder import read_flight
 from trexton.flights.importers import IMPORTERS, importer
+from trexton.flights.writing import write_flight
 
 PAGE = ROOT / "book" / "your_flight.md"
 

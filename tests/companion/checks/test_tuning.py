@@ -21,7 +21,8 @@ from trexton.companion.checks.tuning import (
     replayed_errors,
     search,
 )
-from trexton.flights import Flight, write_flight
+from trexton.flights.flight import Flight
+from trexton.flights.writing import write_flight
 from trexton.localization.training import train_map
 
 

@@ -10,7 +10,7 @@ import pytest
 from trexton.companion.build import notebook
 from trexton.companion.experiments import fine
 from trexton.companion.experiments.rates import wilson_interval
-from trexton.simulator import record_flight
+from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera
 
 

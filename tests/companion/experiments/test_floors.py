@@ -26,7 +26,8 @@ from trexton.companion.experiments.virtual_flights import (
     judge_floor,
     measured_cm,
 )
-from trexton.simulator import Floor, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.threads import usable_cores
 

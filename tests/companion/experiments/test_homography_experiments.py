@@ -11,7 +11,8 @@ from trexton.companion.experiments.mosaic import (
     stitched_map,
 )
 from trexton.companion.experiments.style import COLORS
-from trexton.simulator import Floor, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera
 
 

@@ -18,7 +18,8 @@ SCRIPT = """
 import sys
 from trexton.companion.experiments import mocap_training
 from trexton.vision.camera import Camera
-from trexton.simulator import Floor, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
 
 folder = sys.argv[1]
 room = {"floor": Floor.from_file(sys.argv[2], 3.0), "camera": Camera(160, 120, 130.0)}

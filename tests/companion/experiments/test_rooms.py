@@ -11,7 +11,7 @@ from onboard_tools import CAMERA, colourful_floor, narrow_floor
 from trexton.base.errors import ParameterError
 from trexton.companion.experiments import rooms
 from trexton.companion.wording import distance
-from trexton.simulator import record_flight
+from trexton.simulator.recording import record_flight
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,8 @@ from trexton.companion.experiments.metrics import block_rows, summarize, with_in
 from trexton.companion.experiments.rates import wilson_interval
 from trexton.companion.experiments.similarity import local_losses
 from trexton.companion.experiments.sweeps import TreeSearch
-from trexton.flights import read_flight, write_flight
+from trexton.flights.folder import read_flight
+from trexton.flights.writing import write_flight
 from trexton.localization.estimate import Estimate
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.landing import LandingZone

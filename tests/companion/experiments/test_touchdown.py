@@ -15,7 +15,8 @@ from trexton.companion.experiments.landings import Lander, fly_together, mission
 from trexton.companion.wording import percent
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone
-from trexton.simulator import PERIOD, record_flight
+from trexton.simulator.recording import record_flight
+from trexton.simulator.simulator import PERIOD
 from trexton.vision.camera import Camera
 
 OPTIONS = {

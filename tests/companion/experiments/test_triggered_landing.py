@@ -17,7 +17,9 @@ from trexton.companion.executor import working_on
 from trexton.companion.experiments import triggered_landing
 from trexton.companion.experiments.landings import Attempt
 from trexton.companion.experiments.triggered_landing import summarize_attempts
-from trexton.simulator import PERIOD, Floor, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
+from trexton.simulator.simulator import PERIOD
 from trexton.vision.camera import Camera, MapImage
 
 SMALL = Camera(160, 120, 130.0)

@@ -23,7 +23,8 @@ from trexton.base.errors import FlightError, ParameterError
 from trexton.base.options import Options
 from trexton.base.progress import say
 from trexton.companion.experiments.declaration import NEEDS, Experiment
-from trexton.flights import Flight, read_flight
+from trexton.flights.flight import Flight
+from trexton.flights.folder import read_flight
 
 _SHARE = 0.6  # of the positions of a flight without splits is for training
 

@@ -24,7 +24,7 @@ from trexton.companion.build.plan import run_experiments, sole_writer
 from trexton.companion.build.postprocessing import finish_book
 from trexton.companion.build.prose import findings, records_by_name, renewed_readme
 from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
-from trexton.flights import read_flight
+from trexton.flights.folder import read_flight
 from trexton.flights.registry import fetch, raw_files
 
 _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2mathml")
@@ -219,13 +219,11 @@ def prepare_flights(folder: Path, quick: bool = False) -> Prepared:
     files = labelled("file", {key: canonical_json(one) for key, one in raw_files(_REAL).items()})
     _make([_step(real, code | files, fetch_real)], folder, prepared)
     if not (quick and not prepared.absent):
+        room = code_hashes("trexton.simulator.recording")
         steps = [
-            _step(
-                path, inputs_of({"pattern": pattern}, code_hashes("trexton.simulator"), {}),
-                partial(_simulate, path, pattern),
-            )
-            for path, pattern in zip(simulated, _PATTERNS, strict=True)
-        ]  # fmt: skip
+            _step(path, inputs_of({"pattern": each}, room, {}), partial(_simulate, path, each))
+            for path, each in zip(simulated, _PATTERNS, strict=True)
+        ]
         _make(steps, folder, prepared)
         prepared.pairs.append(FlightPair(*map(str, simulated)))
     if not prepared.absent:
@@ -246,7 +244,7 @@ def _step(path: Path, inputs: Entries, make: Callable[[], object]) -> Step:
 
 
 def _simulate(path: Path, pattern: str) -> None:
-    from trexton.simulator import record_flight
+    from trexton.simulator.recording import record_flight
 
     say(f"simulating {path}")
     record_flight(path, pattern=pattern, replace=True)

@@ -105,7 +105,7 @@ class Scene:
 
     @cached_property
     def flight(self) -> Flight:
-        from trexton.simulator import record_flight
+        from trexton.simulator.recording import record_flight
 
         return record_flight(self.folder / "flight", frames=self.frames, seed=self.seed)
 

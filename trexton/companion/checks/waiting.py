@@ -53,7 +53,7 @@ def _repeated(texton_map: TextonMap, count: int, seed: int) -> TextonMap:
 
 def answers(scene: Scene) -> Iterator[Contest]:
     """The first number of a report with a test flight, and of a floor's suitability; and all."""
-    from trexton.simulator import record_flight
+    from trexton.simulator.recording import record_flight
 
     floor, test = scene.flight.floor, scene.folder / "test"
     assert floor is not None  # the simulator knows it

@@ -85,7 +85,7 @@ def _answer(floors: dict[str, Any], flights: Any, asked: tuple[Any, str]) -> Any
 
 def _floor(name: str, arguments: argparse.Namespace) -> Any:
     from trexton.companion.experiments.floors import named_floor
-    from trexton.simulator import Floor
+    from trexton.simulator.floor import Floor
 
     if not Path(name).exists() and (":" in name or "@" in name):
         return named_floor(name)

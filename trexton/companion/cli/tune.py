@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.companion.checks.tuning import choose, commands, frontier, search
-    from trexton.flights import read_flight
+    from trexton.flights.folder import read_flight
 
     asked = chosen_options(arguments, Search)
     flight = read_flight(arguments.flight).part_or_all("train")

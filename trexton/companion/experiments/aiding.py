@@ -26,7 +26,9 @@ from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import for_method, train_map
-from trexton.simulator import Effects, Floor, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
+from trexton.simulator.sensor import Effects
 from trexton.vision.camera import Camera
 from trexton.vision.textons import MAX_TEXTONS
 

@@ -28,7 +28,10 @@ from trexton.companion.experiments.track import HELD
 from trexton.flights.flight import Flight
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import Trust, learn_trust
-from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
+from trexton.simulator.floor import Floor, Light
+from trexton.simulator.recording import Plan, random_waypoints
+from trexton.simulator.sensor import Effects
+from trexton.simulator.simulator import Simulator
 from trexton.simulator.vehicle import VehicleState
 
 # Roll, pitch and yaw of an autopilot: as measured, with a camera turned in its mount, none.

@@ -18,7 +18,7 @@ from trexton.companion.experiments.metrics import mean_with_interval
 from trexton.companion.experiments.rates import mean_over_groups
 from trexton.flights.flight import Flight
 from trexton.flights.registry import data_folder
-from trexton.simulator import LAYOUTS, Floor
+from trexton.simulator.floor import LAYOUTS, Floor
 from trexton.vision.camera import Camera
 
 

@@ -25,16 +25,11 @@ from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone
 from trexton.localization.localizer import Estimate, Localizer, TextonMap
-from trexton.simulator import (
-    PERIOD,
-    Effects,
-    Floor,
-    Light,
-    Plan,
-    Simulator,
-    VehicleState,
-    random_waypoints,
-)
+from trexton.simulator.floor import Floor, Light
+from trexton.simulator.recording import Plan, random_waypoints
+from trexton.simulator.sensor import Effects
+from trexton.simulator.simulator import PERIOD, Simulator
+from trexton.simulator.vehicle import VehicleState
 from trexton.vision.camera import Camera
 
 NOWHERE = np.full(2, np.nan)

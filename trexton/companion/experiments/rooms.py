@@ -27,15 +27,10 @@ from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import for_method, train_map
-from trexton.simulator import (
-    Effects,
-    Floor,
-    Light,
-    Plan,
-    Simulator,
-    random_waypoints,
-    record_flight,
-)
+from trexton.simulator.floor import Floor, Light
+from trexton.simulator.recording import Plan, random_waypoints, record_flight
+from trexton.simulator.sensor import Effects
+from trexton.simulator.simulator import Simulator
 from trexton.simulator.vehicle import VehicleState
 from trexton.vision.camera import Camera, MapImage
 

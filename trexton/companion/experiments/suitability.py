@@ -31,7 +31,7 @@ from trexton.companion.experiments.virtual_flights import VirtualFlights, judge_
 from trexton.companion.wording import fixed, percent, span
 from trexton.field.likelihood import bilinear
 from trexton.flights.flight import Flight
-from trexton.simulator import Floor
+from trexton.simulator.floor import Floor
 
 METHODS = ("field", "paper")  # flown; the error of the first is predicted, the loss is the second's
 LEVEL = 0.3  # share by which a prediction may differ from what is measured, to count as level

@@ -42,7 +42,7 @@ from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.localization.localizer import TextonMap
 from trexton.localization.methods import make
 from trexton.localization.training import for_method, train_map, with_parts
-from trexton.simulator import record_flight
+from trexton.simulator.recording import record_flight
 
 
 class Entry(NamedTuple):

@@ -25,7 +25,9 @@ from trexton.flights.flight import Flight
 from trexton.localization.base import Area
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import for_method, train_map
-from trexton.simulator import PERIOD, Floor, record_flight
+from trexton.simulator.floor import Floor
+from trexton.simulator.recording import record_flight
+from trexton.simulator.simulator import PERIOD
 from trexton.vision.camera import Camera
 from trexton.vision.threads import ahead
 

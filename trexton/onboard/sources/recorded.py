@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from trexton.base.errors import FlightError, ImageError
-from trexton.flights import Flight, read_flight
+from trexton.flights.flight import Flight
+from trexton.flights.folder import read_flight
 from trexton.onboard.sources import Frame, Playback, Shape, Source
 
 
