@@ -1,7 +1,5 @@
 """``trexton import [KIND] SOURCE --out FLIGHT``: a flight of another format. It is checked."""
 
-from __future__ import annotations
-
 import argparse
 from typing import TYPE_CHECKING, Any
 

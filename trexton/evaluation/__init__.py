@@ -1,1 +1,1 @@
-"""How good a map or a floor is. Blocked cross-validation, and the map loss of the paper."""
+"""How good a map is, by its training flight alone: blocked cross-validation."""

@@ -5,8 +5,6 @@ Frames that follow each other err alike, so each counts as a small part of one (
 and all are forgotten in time. The sum moves with the vehicle.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from trexton.field.field import Field

@@ -3,8 +3,6 @@
 Offers the canvas, floor plans, marks with intervals, heat maps and legends.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
