@@ -272,7 +272,7 @@ def _floor(flight: Flight) -> Iterator[str]:
     if floor is None or not rows.any():
         return
     height, width = floor.image.shape[:2]
-    corners = floor.to_world(np.array([(0, 0), (width, 0), (width, height), (0, height)]) - 0.5)
+    corners = floor.corners
     pixel = floor.to_pixels(flight.position[rows])
     on = ((pixel >= -0.5) & (pixel <= (width - 0.5, height - 0.5))).all(axis=1).mean()
     spanned = np.ptp(corners, axis=0)

@@ -12,7 +12,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_folder
 from trexton.base.options import whole
 from trexton.base.progress import progress
-from trexton.flights.flight import Flight
+from trexton.flights.flight import Area, Flight
 from trexton.flights.folder import read_flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.writing import write_tables
@@ -21,8 +21,6 @@ from trexton.simulator.sensor import Effects
 from trexton.simulator.simulator import PERIOD, Moment, Simulator
 from trexton.vision.camera import Camera
 from trexton.vision.threads import ahead
-
-Area = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in metres
 
 # pattern: number of frames (the paper's), seed, speed in m/s, light, name of the split
 PATTERNS = {

@@ -15,10 +15,6 @@ T = TypeVar("T")
 _THIS = threading.local()  # thread
 
 
-def _work() -> None:
-    _THIS.works = True
-
-
 def usable_cores() -> int:
     """The processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -55,7 +51,7 @@ def ahead(work: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:
     from concurrent.futures import Future, ThreadPoolExecutor  # they take a while to load
 
     waiting: deque[Future[T]] = deque()
-    with ThreadPoolExecutor(others, initializer=_work) as pool:
+    with ThreadPoolExecutor(others, initializer=setattr, initargs=(_THIS, "works", True)) as pool:
         for item in items:
             waiting.append(pool.submit(work, item))
             if len(waiting) > 2 * others:

@@ -191,9 +191,7 @@ def map_picture(picture: MapImage, width: int) -> tuple[dict[str, Any], np.ndarr
     if picture.mask is not None:
         image = np.where(picture.mask[..., None], image, 255).astype(np.uint8)
     rows, columns = image.shape[:2]
-    (left, top), (right, bottom) = picture.to_world(
-        np.array([(-0.5, -0.5), (columns - 0.5, rows - 0.5)])
-    )
+    (left, top), _, (right, bottom), _ = picture.corners
     small = cv2.resize(image, (width, round(width * rows / columns)), interpolation=cv2.INTER_AREA)
     return {"extent_m": [left, right, bottom, top]}, small
 

@@ -185,8 +185,7 @@ def _patches(
 def _floor(floor: MapImage) -> dict[str, Any]:
     """A picture of a floor turned north up, transparent where it shows nothing."""
     rows, columns = floor.image.shape[:2]
-    corners = floor.to_world(np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)]) - 0.5)
-    (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+    (left, bottom), (right, top) = floor.corners.min(axis=0), floor.corners.max(axis=0)
     scale = max(rows, columns) / max(right - left, top - bottom)
     size = tuple(max(1, round(scale * each)) for each in (right - left, top - bottom))
     place = np.array([[scale, 0, -scale * left - 0.5], [0, -scale, scale * top - 0.5], [0, 0, 1]])
