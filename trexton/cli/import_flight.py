@@ -1,14 +1,12 @@
 """``trexton import [KIND] SOURCE --out FLIGHT``: a flight of another format. It is checked."""
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from trexton.base.arguments import add_option
 from trexton.base.errors import ParameterError
+from trexton.base.options import Option
 from trexton.base.progress import say
-
-if TYPE_CHECKING:
-    from trexton.base.options import Option
 
 PLACE = "setting."  # what the attributes of settings begin with
 

@@ -6,15 +6,13 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trexton.base.errors import MapError
 from trexton.base.options import Options
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 Area = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in metres
 

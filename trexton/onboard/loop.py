@@ -154,7 +154,7 @@ class Onboard:
             self._contradicted("attitude", roll_off_deg=roll, pitch_off_deg=pitch)
         self._pass_on(estimate, stamp, fault, captured)
         total = self._clock() - captured
-        self.status.took(total)
+        self.status.latencies.append(total)
         if total - self.source.delay > self._period:  # its own delay no computer makes up for
             self.tally.count("late")
 

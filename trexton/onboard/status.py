@@ -34,17 +34,13 @@ class Status:
     ):  # fmt: skip
         self._tally, self._sinks = tally, sinks
         self.commander, self.warnings = commander, warnings
-        self._latencies: deque[float] = deque(maxlen=LATENCIES)
+        self.latencies: deque[float] = deque(maxlen=LATENCIES)  # seconds, one a frame
         self._frames = 0
         self._last_at: float | None = None
 
-    def took(self, seconds: float) -> None:
-        """Take in the latency of a frame."""
-        self._latencies.append(seconds)
-
     def _latency(self, share: float) -> float:
         """What this share of the latencies does not exceed; NaN before the first."""
-        return float(np.quantile(self._latencies, share)) if self._latencies else float("nan")
+        return float(np.quantile(self.latencies, share)) if self.latencies else float("nan")
 
     def due(self, now: float) -> bool:
         """Whether a second has passed since the last line."""

@@ -13,7 +13,7 @@ from conftest import ROOT
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
-from trexton.companion.build.notebook import show_table
+from trexton.companion.build.notebook import Page
 from trexton.companion.build.pages import figure_names, joined
 from trexton.companion.build.prose import (
     context,
@@ -134,7 +134,7 @@ def code(source, *shown, figure=False):
 
 def room(number):
     """The notebook of one flight, its numbers its own."""
-    table = show_table(pd.DataFrame({"x": [number]}), "Axes.", "axes").data
+    table = Page.frame(pd.DataFrame({"x": [number]}), "Axes.", "axes").data
     return nbformat.v4.new_notebook(
         cells=[
             markdown(

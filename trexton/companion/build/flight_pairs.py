@@ -103,10 +103,6 @@ class FlightPair:
         both = {"train": self.train.data_hash}
         return both if self.test_flight is None else both | {"test": self.test.data_hash}
 
-    def parameters(self, out: Path) -> dict[str, str | None]:
-        """What the workflow gives to a notebook."""
-        return {"flight": self.flight, "test_flight": self.test_flight, "out": str(out)}
-
     def obstacle(self, experiment: Experiment) -> str | None:
         """Why the flights cannot serve the experiment; None if they can."""
         for need in experiment.needs:

@@ -133,8 +133,9 @@ def _build(contents: Contents, html: Path) -> str:
         source = work / "source"
         source.mkdir()
         stage(contents, source)
+        staged = sorted(filter(Path.is_file, source.rglob("*")))
         key = digest(
-            _tree_hash(source),
+            {str(path.relative_to(source)): digest(path) for path in staged},
             code_hashes("trexton.companion.build.make"),
             [code_hashes(module) for module in trexton._EXPORTS.values()],  # their docstrings
             {name: version(name) for name in _BUILDERS},
@@ -149,16 +150,6 @@ def _build(contents: Contents, html: Path) -> str:
         put_in_place(built, html)
     write_file(stamp, key)
     return f"book: built ({html / 'index.html'})"
-
-
-def _tree_hash(folder: Path) -> str:
-    return digest(
-        {
-            str(path.relative_to(folder)): digest(path)
-            for path in sorted(folder.rglob("*"))
-            if path.is_file()
-        }
-    )
 
 
 def _jupyter_book(source: Path, work: Path) -> Path:

@@ -36,7 +36,7 @@ from trexton.companion.wording import (
     template_environment,
 )
 
-__all__ = ["Given", "Page", "given", "ledger", "reference", "show_table", "swept"]
+__all__ = ["Given", "Page", "given", "ledger", "reference", "swept"]
 
 
 class Page:
@@ -109,9 +109,16 @@ class Page:
         rows = judge_all({self.record.flight: records}, mine)
         return HTML(claims_html(rows, "What is claimed, and our test of it."))
 
-    def frame(self, table: pd.DataFrame, caption: str, name: str = "") -> HTML:
-        """A table with its caption; text refers to it by its name: ``[the table](#name)``."""
-        return show_table(table, caption, name)
+    @staticmethod
+    def frame(table: pd.DataFrame, caption: str, name: str = "") -> HTML:
+        """A plain HTML table without an index, with its caption; text refers to it by its name:
+        ``[the table](#name)``.
+        """
+        html = table.to_html(
+            index=False, border=0, escape=False, classes="table", table_id=name or None
+        )
+        caption = f"<caption>{escape(caption)}</caption>\n  <thead>"
+        return HTML(html.replace("<thead>", caption, 1))
 
     def table(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
         """Errors per axis beside the paper's: in cm, or all in metres where they are that large.
@@ -193,16 +200,6 @@ class Page:
         words += ["--only", self.record.experiment]
         words += ["--set", *changed] if changed else []
         return escape(shlex.join([*words, "--out", "my-results"]))
-
-
-def show_table(table: pd.DataFrame, caption: str = "", name: str = "") -> HTML:
-    """A plain HTML table without an index."""
-    html = table.to_html(
-        index=False, border=0, escape=False, classes="table", table_id=name or None
-    )
-    if caption:
-        html = html.replace("<thead>", f"<caption>{escape(caption)}</caption>\n  <thead>", 1)
-    return HTML(html)
 
 
 def _interval(entry: dict[str, Any] | float | None, scale: float = 1.0) -> str:

@@ -225,7 +225,9 @@ class _Run:
         """
         folder, notebook = self.out / page.flight, page.notebook
         failed = folder / f"{notebook.name}.failed.ipynb"
-        given = page.pair.parameters(self.out) if page.pair else {"out": str(self.out)}
+        pair = page.pair
+        flights = {"flight": pair.flight, "test_flight": pair.test_flight} if pair else {}
+        given = {**flights, "out": str(self.out), **page.parameters}
         with tempfile.TemporaryDirectory(prefix=".work.", dir=self.root) as name:
             work = Path(name).resolve() / "out"
             (work / page.flight).mkdir(parents=True)
@@ -235,7 +237,7 @@ class _Run:
                     place.parent.mkdir(exist_ok=True)
                     shutil.copyfile(path, place)
             threads = threads_of(1 if page.experiment.alone else self.jobs)
-            text, error = execution.execute(notebook, {**given, **page.parameters}, work, threads)
+            text, error = execution.execute(notebook, given, work, threads)
             left = outputs_of(work / page.flight, notebook.name)
             files = {path.name: path.read_bytes() for path in left}
         if not error and f"{notebook.name}.json" not in files:
