@@ -8,7 +8,7 @@ from small_room import picture_flight
 
 from trexton.localization import training
 from trexton.localization.training import full_histograms
-from trexton.vision.histograms import texton_counts, texton_histogram
+from trexton.vision.histograms import label_image, texton_histogram
 from trexton.vision.textons import TextonDictionary
 
 
@@ -31,9 +31,9 @@ def counted(monkeypatch, tmp_path):
 
     def count(image, *words, **options):
         calls.append(1)
-        return texton_counts(image, *words, **options)
+        return label_image(image, *words, **options)
 
-    monkeypatch.setattr(training, "texton_counts", count)
+    monkeypatch.setattr(training, "label_image", count)
     return calls
 
 

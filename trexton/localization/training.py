@@ -21,7 +21,7 @@ from trexton.localization.base import Part
 from trexton.localization.methods import changed, compose, fitting
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training_set import training_set
-from trexton.vision.histograms import texton_counts
+from trexton.vision.histograms import label_image
 from trexton.vision.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
 from trexton.vision.threads import ahead
 
@@ -281,8 +281,8 @@ def _counts(flight: Flight, dictionary: TextonDictionary, cells: int) -> np.ndar
 
     def compute() -> dict[str, np.ndarray]:
         images = progress(flight.images(), "histograms", total=len(flight))
-        count = partial(texton_counts, dictionary=dictionary, cells=cells)
-        return {"counts": np.stack(list(ahead(count, images))).astype(np.int32)}
+        labelled = ahead(partial(label_image, dictionary=dictionary, cells=cells), images)
+        return {"counts": np.stack([counts for _, counts in labelled]).astype(np.int32)}
 
     if len(flight) < KEPT_FROM:
         return compute()["counts"]

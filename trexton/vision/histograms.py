@@ -49,13 +49,8 @@ def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, cells: int
     ParameterError
         `cells` is no whole number of at least 1.
     """
-    counts = texton_counts(image, dictionary, cells)
+    _, counts = label_image(image, dictionary, whole(cells, "cells"))
     return counts / counts.sum()
-
-
-def texton_counts(image: np.ndarray, dictionary: TextonDictionary, cells: int = 1) -> np.ndarray:
-    """``(K cells^2,) int64``: how often each texton occurs, as `texton_histogram` counts."""
-    return label_image(image, dictionary, whole(cells, "cells"))[1]
 
 
 def sampled_histogram(
