@@ -8,7 +8,7 @@ import numpy as np
 from trexton.simulator.floor import Floor, Light
 from trexton.simulator.sensor import Effects, Sensor
 from trexton.simulator.vehicle import Vehicle, VehicleState
-from trexton.vision.camera import Camera, MapImage, transform_points
+from trexton.vision.camera import Camera, transform_points
 
 PERIOD = 0.08  # seconds between frames: the 12.5 Hz of the paper's camera
 # Of the motion capture, in metres and radians.
@@ -25,7 +25,7 @@ class Simulator:
 
     Parameters
     ----------
-    floor : Floor, MapImage or None
+    floor : Floor or None
         None is the painted hall.
     camera : Camera
     effects : Effects
@@ -41,7 +41,7 @@ class Simulator:
 
     def __init__(
         self,
-        floor: Floor | MapImage | None = None,
+        floor: Floor | None = None,
         *,
         camera: Camera = Camera(),
         effects: Effects = Effects(),
@@ -51,8 +51,7 @@ class Simulator:
         speed: float = 0.5,
         rng: np.random.Generator,
     ):
-        floor = Floor.painted() if floor is None else floor
-        self.floor = Floor(floor) if isinstance(floor, MapImage) else floor
+        self.floor = Floor.painted() if floor is None else floor
         self.camera, self.effects = camera, effects
         flight_rng, sensor_rng, self._camera_rng, self._truth_rng = rng.spawn(4)
         x_min, x_max, y_min, y_max = self.floor.area

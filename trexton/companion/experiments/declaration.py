@@ -138,7 +138,3 @@ class MapParameters(SeedParameters):
     particles: int = option(PARTICLES, "particles of the filter", low=1)
     neighbors: int = option(NEIGHBORS, "neighbours that vote, k", low=1)
     textons: int = option(TEXTONS, "textons of the dictionary, K", low=2)
-
-    def of_the_map(self) -> dict[str, int]:
-        """Those that decide about the map."""
-        return {"textons": self.textons, "neighbors": self.neighbors, "seed": self.seed}

@@ -78,7 +78,8 @@ def flown(
         return {name: np.stack([getattr(run, name) for run in runs]) for name in ARRAYS}
 
     inputs = {"train": train.data_hash, "test": test.data_hash, "method": method,
-              "repeats": repeats, **parameters.of_the_map(), **options}  # fmt: skip
+              "repeats": repeats, "textons": parameters.textons, "neighbors": parameters.neighbors,
+              "seed": parameters.seed, **options}  # fmt: skip
     arrays = cached("flown", __name__, inputs, compute)
     return [Track(*(arrays[name][run] for name in ARRAYS)) for run in range(repeats)]
 

@@ -86,13 +86,6 @@ def floor_axes(axes: Axes, area: Sequence[float]) -> None:
     axes.grid(False)
 
 
-def bare(axes: Axes) -> None:
-    """Axes of a picture: without grid, ticks and frame."""
-    axes.grid(False)
-    axes.set(xticks=[], yticks=[])
-    axes.spines[:].set_visible(False)
-
-
 def show_floor(
     axes: Axes, floor: dict[str, Any] | None, picture: np.ndarray | None, fade: float = 0.45
 ) -> None:

@@ -19,7 +19,7 @@ from trexton.companion.experiments.declaration import (
     option,
 )
 from trexton.companion.experiments.evaluation import map_of
-from trexton.companion.experiments.style import bare, canvas
+from trexton.companion.experiments.style import canvas
 from trexton.companion.wording import number
 from trexton.flights.flight import Flight
 from trexton.vision.images import bgr_from_yuv, draw_patches, position_grid
@@ -96,7 +96,9 @@ def textons(record: Record) -> Figure:
     rows = -(-len(pictures) // columns)
     with canvas(rows, columns, size=(7.2, 0.98 * rows)) as (figure, axes):
         for index, axis in enumerate(axes.flat):
-            bare(axis)
+            axis.grid(False)
+            axis.set(xticks=[], yticks=[])
+            axis.spines[:].set_visible(False)
             if index < len(pictures):
                 axis.imshow(pictures[index])
                 axis.set_xlabel(f"{index}:  {frequency[index]:.1f} %", fontsize=8.5, labelpad=2)
