@@ -64,13 +64,13 @@ def test_the_filter_that_trails_and_is_too_sure():
     text = found("mocap_training", mocap(102, 48.4, 68, 0.234))
     assert "102 [92, 112] cm" in text and "2.1 times as much as" in text
     assert "trails the vehicle by 1.92 s" in text
-    assert "covers 23 %" in text and "where 95 % are due" in text
+    assert "covers 23 % of the errors, and should cover 95 %" in text
 
 
 def test_the_same_words_are_not_said_of_a_filter_that_is_right():
     text = found("mocap_training", mocap(20, 40, 19, 0.951))
     assert "50 % of the plain mean" in text and "trails" not in text
-    assert "covers 95 %, as it should" in text
+    assert "covers 95 % of the errors, as it should" in text
 
 
 def homography(**maps):

@@ -62,9 +62,9 @@ VARIANTS: dict[str, Variant] = {
     "both": Variant(
         "with both", "paper", {"motion.sigma": WIDE_M, "measurement.sigma": WIDE_M}
     ),
-    "field_whole": Variant("The field of whole images, with its tracks", "field", {}, whole=True),
-    "field": Variant("The field with its tracks", "field", {}),
-    "field_camera": Variant("and a velocity from the same frames", "field", {}, odometry=True),
+    "field_whole": Variant("The field of whole images", "field", {}, whole=True),
+    "field": Variant("The field", "field", {}),
+    "field_camera": Variant("The field with visual odometry", "field", {}, odometry=True),
 }  # fmt: skip
 
 

@@ -145,8 +145,9 @@ def finding(record: Record) -> str:
     )
     if lag["error_cm"] < 0.8 * error:
         text += f" It trails the vehicle by {number(lag['s'])} s."
-    honest = "as it should" if middle(spread["within_two"]) >= 0.9 else "where 95 % are due"
-    return f"{text} Twice its spread covers {percent(middle(spread['within_two']))}, {honest}."
+    share = middle(spread["within_two"])
+    honest = "as it should" if share >= 0.9 else "and should cover 95 %"
+    return f"{text} Twice its spread covers {percent(share)} of the errors, {honest}."
 
 
 def floor_plan(record: Record) -> Figure:
