@@ -12,7 +12,7 @@ from trexton.base.progress import set_quiet
 from trexton.base.records import Record
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.flights.registry import raw_files
+from trexton.flights.registry import registry
 from trexton.flights.writing import write_flight
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -44,7 +44,7 @@ def cyberzoo(shared_data) -> Flight:
     """The authors' real flight."""
     from trexton.companion.public_flights import read_cyberzoo
 
-    return read_cyberzoo(*(shared_data / key for key in raw_files("cyberzoo")))
+    return read_cyberzoo(*(shared_data / file["key"] for file in registry()["cyberzoo"]["files"]))
 
 
 @pytest.fixture(autouse=True)

@@ -31,7 +31,7 @@ from trexton.companion.executor import limited, limited_threads, spread, working
 from trexton.companion.experiments.rates import mean_over_groups
 from trexton.companion.provenance import made_by
 from trexton.companion.public_flights import read_cyberzoo
-from trexton.flights.registry import data_folder, raw_files
+from trexton.flights.registry import data_folder, registry
 from trexton.localization.training import train_map
 from trexton.onboard.fix import Fix
 
@@ -115,7 +115,7 @@ def rng_of(seed: int) -> np.random.Generator:
 
 def real() -> Measures:
     """Method `field` on the authors' flight; empty where their data are not."""
-    files = [data_folder() / key for key in raw_files("cyberzoo")]
+    files = [data_folder() / file["key"] for file in registry()["cyberzoo"]["files"]]
     if not all(file.is_file() for file in files):
         say("without the real flight, whose data are not here")
         return {}

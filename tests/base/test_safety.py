@@ -153,7 +153,7 @@ def test_what_cannot_be_written_is_said_before_the_work(words, told, tmp_path, m
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").mkdir()
     (tmp_path / "file").touch()
-    cv2.imwrite("floor.png", np.zeros((60, 60, 3), np.uint8))
+    cv2.imwrite("floor.png", np.eye(60, dtype=np.uint8) * 255)
     assert main([*words.split(), "-q"]) == 1
     said = capsys.readouterr()
     assert told in said.err and not said.out

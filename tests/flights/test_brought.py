@@ -138,6 +138,18 @@ def test_yaw_in_degrees_is_said_and_read(tmp_path):
     [
         (lambda i: f"2024-05-01 10:00:{i / 12:06.3f}", np.arange(24).round() / 12),
         (lambda i: f"2024-05-01T12:00:{i / 12:06.3f}+02:00", np.arange(24) / 12),
+        (
+            lambda i: (
+                f"2024/5/1 {11 + i // 12}:{59 - i // 12 * 59:02}:{(59 + i / 12) % 60:06.3f} "
+                f"{'ap'[i // 12]}.m."
+            ),
+            np.arange(24) / 12,
+        ),
+        (
+            lambda i: f"{12 + i // 12 * -11}:{59 - i // 12 * 59:02}:{(59 + i / 12) % 60:06.3f} PM",
+            np.arange(24) / 12,
+        ),
+        (lambda i: f"0:10:{i / 12:06.3f}", np.arange(24) / 12),
         (lambda i: str(1714557600 + i // 12), np.arange(24) / 12),
         (lambda i: f"{i // 3 * 0.25:.2f}", np.arange(24) / 12),
     ],

@@ -93,6 +93,7 @@ def test_units_and_axes_are_named(seed, damage, kind):
 
 
 JPEG = cv2.imencode(".jpg", picture(3))[1].tobytes()
+PIXELS = JPEG.partition(b"\xff\xda")[2][12:]
 
 
 @given(share=st.floats(0.1, 0.99), tail=st.binary(max_size=300), zeros=st.integers(0, 5000))
@@ -102,6 +103,21 @@ def test_pictures_that_are_cut_or_padded(share, tail, zeros):
     np.testing.assert_array_equal(decode_image(JPEG + padding), whole)
     with pytest.raises(TrextonError, match="cut short"):
         decode_image(JPEG[: int(share * len(JPEG)) - 2] + bytes(zeros))
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("put", [b"", bytes(400)])
+def test_pictures_that_are_damaged_within(share, put):
+    """OpenCV fills what follows with grey, or with what it takes for pixels."""
+    first = len(JPEG) - round(share * len(PIXELS))
+    with pytest.raises(TrextonError, match="damaged"):
+        decode_image(JPEG[:first] + put + JPEG[first + 400 :])
+
+
+def test_bytes_before_the_end_of_a_picture_are_no_damage():
+    """Webcams leave some."""
+    whole = decode_image(JPEG)
+    np.testing.assert_array_equal(decode_image(JPEG[:-2] + bytes(2) + JPEG[-2:]), whole)
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)

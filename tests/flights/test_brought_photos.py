@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from test_import import picture
 
-from trexton.base.errors import FlightError, TrextonError
+from trexton.base.errors import FlightError, ImageError, TrextonError
 from trexton.flights.importing import import_flight, preview_import
+from trexton.vision.images import read_image, read_picture
 
 
 def photo(path: Path, i: int, latitude=47.0, longitude=8.0, **how) -> None:
@@ -275,6 +276,18 @@ def test_a_tiff_of_many_bands_is_named(tmp_path):
         path.write_bytes(data)
     with pytest.raises(TrextonError, match=r"0.tif: .*TIFF of over four bands"):
         import_flight(tmp_path, tmp_path / "out", kind="photos")
+
+
+def test_a_tiff_of_many_pages_is_no_image_and_one_with_an_overview_is(tmp_path):
+    from PIL import Image
+
+    for size, name in ((48, "pages.tif"), (24, "overview.tif")):
+        pages = [Image.fromarray(picture(0, each)) for each in ((64, 48), (64 * size // 48, size))]
+        pages[0].save(tmp_path / name, save_all=True, append_images=pages[1:])
+    assert read_image(tmp_path / "overview.tif").shape == (48, 64, 3)
+    for read in (read_image, read_picture):
+        with pytest.raises(ImageError, match=r"pages.tif: the file holds several pages"):
+            read(tmp_path / "pages.tif")
 
 
 def test_a_table_of_places_leaves_what_photographs_know_themselves(tmp_path):

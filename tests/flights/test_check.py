@@ -166,6 +166,8 @@ def as_written(folder, change):
     [
         lambda text: b"\xef\xbb\xbf" + text.encode(),
         lambda text: text.replace("\n", "\r\n").encode() + b"\r\n\r\n",
+        lambda text: text.replace(",", "\t").encode("utf-16"),  # "Unicode text"
+        lambda text: b"\xfe\xff" + text.encode("utf-16-be"),
         lambda text: (text + ",,,\n").encode() if text.count(",") < 200 else text.encode(),
         lambda text: text.replace("\n", "\n\n").encode(),
         lambda text: text.replace(",", ";").encode(),

@@ -174,7 +174,7 @@ def test_a_flight_of_neither_images_nor_histograms_is_refused(flight_folder):
 
 
 def test_binary_and_empty_tables_are_faults_not_crashes(flight_folder):
-    (flight_folder / "frames.csv").write_bytes(b"\xff\xfe\0\0")
+    (flight_folder / "frames.csv").write_bytes(b"\xff\xfb\0\0")
     assert "not a text file" in check_flight(flight_folder).faults[0]
     (flight_folder / "frames.csv").write_text("")
     assert "no rows" in check_flight(flight_folder).faults[0]

@@ -16,6 +16,7 @@ from test_import import euroc, picture, write_bag
 
 from trexton.base.errors import TrextonError
 from trexton.flights import importing
+from trexton.flights.check import check_flight, repair_flight
 from trexton.flights.folder import read_flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.images import of_one_size
@@ -315,10 +316,28 @@ def test_a_counter_of_32_bits_that_begins_anew_counts_on(tmp_path, unit, factor)
 
 
 def test_a_clock_that_was_set_back_is_named(tmp_path):
-    _, said = import_flight(
-        circled(tmp_path / "a", [5, 5.1, 5.2, 4.05, 4.15, 4.25]), tmp_path / "o"
-    )
+    stamps = [5, 5.1, 5.2, 4.05, 4.15, 4.25]
+    _, said = import_flight(circled(tmp_path / "a", stamps), tmp_path / "o")
     assert "goes on at row 5: was a clock set back?" in said[0]
+    for repaired in ("o", "repaired"):
+        (warning,) = (w for w in check_flight(tmp_path / repaired).warnings if "clock" in w)
+        assert warning.endswith(said[0])
+        if repaired == "o":
+            repair_flight(tmp_path / "o", tmp_path / "repaired")
     rows = [f"{t},{t},0,{t}.png" for t in (3, 4, 5, 0, 1, 2)]  # two files, the later first
     _, said = import_flight(table(tmp_path / "b", rows), tmp_path / "p")
     assert said[0].endswith("1 rows of positions out of order, sorted by their stamps")
+
+
+def test_stamps_of_a_clock_that_was_set_back_are_counted_on(tmp_path):
+    flight = import_flight(circled(tmp_path / "a", np.arange(6) / 10), tmp_path / "o")[0]
+    file = tmp_path / "o" / "frames.csv"
+    text = file.read_text()
+    for late, later in (("0.3", "0.05"), ("0.4", "0.15"), ("0.5", "0.25")):
+        text = text.replace(f",{late},", f",{later},")
+    file.write_text(text)
+    said = repair_flight(tmp_path / "o", tmp_path / "p")
+    assert said == ["stamps counted on from frame 3, a clock set back"]
+    mended = read_flight(tmp_path / "p")
+    np.testing.assert_allclose(mended.time, flight.time, atol=1e-6)
+    np.testing.assert_array_equal(mended.position, flight.position)

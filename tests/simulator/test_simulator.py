@@ -332,6 +332,11 @@ def test_bad_floors_and_effects_are_refused(tmp_path):
         cv2.imwrite(str(tmp_path / "strip.png"), np.zeros(shape, np.uint8))
         with pytest.raises(ParameterError, match="length, by the shape of its picture, is"):
             Floor.from_file(tmp_path / "strip.png", 5.0)
+    clear = np.dstack([np.eye(64, dtype=np.uint8)] * 3 + [np.zeros((64, 64), np.uint8)])
+    for shown in (np.zeros((64, 64), np.uint8), np.full((64, 64), 255, np.uint8), clear):
+        cv2.imwrite(str(tmp_path / "plain.png"), shown)
+        with pytest.raises(ImageError, match="shows one colour, or nothing at all"):
+            Floor.from_file(tmp_path / "plain.png", 5.0)
     with pytest.raises(ParameterError, match="no parameter 'fog'"):
         Effects().without("fog")
     for name in Effects().as_dict():

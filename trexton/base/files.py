@@ -9,6 +9,7 @@ import re
 import shutil
 import stat
 import tempfile
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -226,15 +227,16 @@ def read_bytes(path: Path, most: int, what: str, error: type[TrextonError]) -> b
 
 
 def read_text(path: Path) -> str:
-    """The text of a regular file, its byte-order mark removed.
+    """The text of a regular file in UTF-8, or in UTF-16 as its byte-order mark says, without it.
 
     Raises
     ------
     FlightError
         There is no such file, it is a device or a pipe, too large, or no text.
     """
+    data = read_bytes(path, LARGEST, "a text file", FlightError)
     try:
-        return read_bytes(path, LARGEST, "a text file", FlightError).decode("utf-8-sig")
+        return data.decode("utf-16" if data[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig")
     except UnicodeDecodeError as error:
         raise FlightError(f"{path}: not a text file ({error}): write it as UTF-8") from None
 

@@ -23,14 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
     parser.add_argument(
-        "--output",
-        dest="outputs",
-        action="append",
-        default=[],
-        metavar="SINK",
+        "--output", dest="outputs", action="append", default=[], metavar="SINK",
         help="KIND, KIND:ADDRESS or module:Class:ADDRESS, repeatable; kinds: "
         f"{', '.join(addresses('sinks', SINKS))} (default json)",
-    )
+    )  # fmt: skip
     words = "another part, or an option of one that trexton methods lists, repeatable"
     add_assignments(parser, "ROLE[.OPTION]=VALUE", words)
     cameras = ", ".join(addresses("sources", SOURCES))

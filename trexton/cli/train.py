@@ -125,15 +125,10 @@ def _trained(
 ) -> tuple[TextonMap, Assessment | None]:
     """A map, and what the method showed on left-out parts of the flight; None of a short one."""
     texton_map = train_map(
-        flight,
-        method=method,
-        n_textons=options.textons,
-        patch=options.patch,
-        cells=options.cells,
+        flight, method=method, n_textons=options.textons, patch=options.patch, cells=options.cells,
         # The stream that experiments train with, so that equal seeds give equal maps.
-        rng=stream(options.seed, "training"),
-        **choices,
-    )
+        rng=stream(options.seed, "training"), **choices,
+    )  # fmt: skip
     frames = flight.select(flight.located)
     return _assessed(texton_map, frames if method == "fine" else None, options)
 

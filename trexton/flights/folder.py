@@ -20,6 +20,7 @@ from trexton.flights.flight import Flight, area_around
 from trexton.flights.frames import ImageFiles
 from trexton.flights.header import FARTHEST, read_header
 from trexton.flights.tables import TextTable, read_table
+from trexton.flights.tracking import counted_on
 from trexton.vision.camera import Camera, Rectification
 from trexton.vision.histograms import SUM_TOLERANCE
 
@@ -91,6 +92,11 @@ def load_folder(path: Path, repaired: list[str] | None = None) -> Reading:
         return reading
     listed, order = columns["frame"], np.arange(len(table))
     if repaired is not None:
+        place = np.column_stack([columns["x_m"], columns["y_m"]])
+        columns["t_s"], back = counted_on(columns["t_s"], place)
+        repaired += [
+            f"stamps counted on from frame {listed[row]}, a clock set back" for row in back
+        ]
         order = np.unique(columns["t_s"], return_index=True)[1]
         columns = _sorted(columns, order, repaired)
     rows, histograms = np.array(table.rows)[order], None
@@ -234,15 +240,11 @@ def _assemble(
         header.get, ("camera", "floor", "rectification", "origin")
     )
     return Flight(
-        name=header.get("name", path.name),
-        frame=columns["frame"],
-        time=columns["t_s"],
-        position=position,
-        area=(float(x_min), float(x_max), float(y_min), float(y_max)),
+        name=header.get("name", path.name), frame=columns["frame"], time=columns["t_s"],
+        position=position, area=(float(x_min), float(x_max), float(y_min), float(y_max)),
         height=columns.get("z_m"),
         attitude=np.column_stack(angles) if columns.keys() & set(ANGLES) else None,
-        frames=None if files is None else ImageFiles(files),
-        histograms=histograms,
+        frames=None if files is None else ImageFiles(files), histograms=histograms,
         features=header.get("features", "textons"),
         camera=camera and Camera(
             camera["width_px"], camera["height_px"], float(camera["focal_px"]),
@@ -253,8 +255,7 @@ def _assemble(
         floor_from_pixel=np.array(floor["world_from_pixel"], dtype=float) if floor else None,
         rectification=Rectification.from_table(rectified) if rectified else None,
         origin=(float(origin["latitude_deg"]), float(origin["longitude_deg"])) if origin else None,
-        source=header.get("source", ""),
-        licence=header.get("licence", ""),
+        source=header.get("source", ""), licence=header.get("licence", ""),
         notes=tuple(header.get("notes", ())),
     )  # fmt: skip
 

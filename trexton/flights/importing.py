@@ -24,7 +24,7 @@ from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.axes import TAKEN
 from trexton.flights.importers.images import of_one_size, rectification_of, write_images
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, match
-from trexton.flights.tracking import count_of, lost_rows
+from trexton.flights.tracking import SET_BACK, count_of, lost_rows
 from trexton.flights.writing import write_tables
 from trexton.vision.camera import Rectification
 
@@ -240,20 +240,16 @@ def _flight(
     place, height = placed.position[:, :2], placed.position[:, 2]
     located = np.isfinite(place).all(axis=1).any()
     first = int(recording.time_ns[0])
-    taken = [line for line in recording.said if line.startswith(TAKEN)]
+    noted = [line for line in recording.said if line.startswith(TAKEN) or SET_BACK in line]
     return Flight(
-        name=name,
-        frame=np.arange(len(place)),
-        time=(recording.time_ns - first) / NANO,
+        name=name, frame=np.arange(len(place)), time=(recording.time_ns - first) / NANO,
         position=place,
         area=area_around(place if located else np.array([[0.0, 0], [1, 1]]), 0.02, 0.01),
         height=height if np.isfinite(height).any() else None,
-        attitude=placed.attitude,
-        histograms=recording.histograms,
-        features=recording.features,
+        attitude=placed.attitude, histograms=recording.histograms, features=recording.features,
         rectification=done if done and done.changes else None,
         camera=done.camera(recording.camera) if done else recording.camera,
         origin=None if recording.track is None else recording.track.origin,
         source=recording.source,
-        notes=(f"time zero is stamp {first} ns of the source", *taken),
-    )
+        notes=(f"time zero is stamp {first} ns of the source", *noted),
+    )  # fmt: skip

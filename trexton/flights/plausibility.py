@@ -10,7 +10,7 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.importers import axes
-from trexton.flights.tracking import Doubt, count_of, lost_rows, ranges, without_positions
+from trexton.flights.tracking import SET_BACK, Doubt, count_of, lost_rows, ranges, without_positions
 from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
 
@@ -232,6 +232,7 @@ def _extent(flight: Flight) -> Iterator[str]:
 
 
 def _stamps(flight: Flight) -> Iterator[str]:
+    yield from (note for note in flight.notes if SET_BACK in note and "repaired" not in note)
     if len(flight) < 3:
         return
     gap = float(np.median(np.diff(flight.time)))
@@ -285,8 +286,7 @@ def _floor(flight: Flight) -> Iterator[str]:
 
 
 def _features(flight: Flight) -> Iterator[str]:
-    histograms = flight.histograms
-    if histograms is not None and len(flight) > 2 and not np.ptp(histograms, axis=0).any():
+    if len(flight) > 2 and flight.histograms is not None and not np.ptp(flight.histograms, 0).any():
         yield "all histograms are the same: no frame can be told from another"
 
 

@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import shutil
 import tomllib
 from functools import cache
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 from trexton.base.cache import cache_folder, shipped
 from trexton.base.errors import DataError
-from trexton.base.files import atomic_file, check_not_read, digest, work_folder
+from trexton.base.files import check_not_read, digest, work_folder, write_file
 from trexton.base.plugins import resolve
 from trexton.base.progress import say
 from trexton.flights.writing import write_flight
@@ -32,24 +31,19 @@ def data_folder() -> Path:
     return Path(named) if named else cache_folder() / "public"
 
 
-def raw_files(name: str) -> dict[str, dict[str, Any]]:
-    """The raw files of the data set `name`: key (its path in the data folder) to url and sha256."""
-    if name not in registry():
-        raise DataError(
-            f"no public data set is named {name!r}: the names are {', '.join(registry())}"
-        )
-    return {file["key"]: file for file in registry()[name]["files"]}
-
-
 def locate(name: str) -> list[Path]:
     """The raw files of `name` on this machine, downloaded where they are not whole.
 
     Raises
     ------
     DataError
-        A file has another hash, or cannot be downloaded.
+        There is no such data set, a file has another hash, or cannot be downloaded.
     """
-    return [_located(key, file) for key, file in raw_files(name).items()]
+    if name not in registry():
+        raise DataError(
+            f"no public data set is named {name!r}: the names are {', '.join(registry())}"
+        )
+    return [_located(file["key"], file) for file in registry()[name]["files"]]
 
 
 def fetch(name: str, out: str | os.PathLike[str], replace: bool = False) -> Path:
@@ -64,8 +58,7 @@ def fetch(name: str, out: str | os.PathLike[str], replace: bool = False) -> Path
     target = out / files[0].name
     if target.exists() and not replace and digest(target) != digest(files[0]):
         raise DataError(f"{target}: another file is there: name another folder, or say --replace")
-    with atomic_file(target, "wb") as stream, open(files[0], "rb") as raw:
-        shutil.copyfileobj(raw, stream)
+    write_file(target, files[0].read_bytes())
     return target
 
 

@@ -22,6 +22,11 @@ from trexton.base.progress import shown
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}  # metres
 TIMES = {"s": 10**9, "ms": 10**6, "us": 1000, "ns": 1, "d": 86400 * 10**9}  # nanoseconds
 _LATEST = 4_102_444_800 * TIMES["s"]  # the year 2100: stamps since 1970 are of before
+# Date, hour, what follows it, AM or PM, zone: a minute alone may be one of an hour or of nothing.
+_TIME = re.compile(
+    r"(?:(\d{4})[-:/](\d\d?)[-:/](\d\d?)[T ]+(?=\d)|(?=\d+:\d+:))(\d\d?)(:[\d:.,]+)"
+    r"\s*(?:([apAP])\.?[mM]\.?)?\s*([-+]\d\d:?\d\d)?(?:Z|UTC|GMT)?"
+)
 _MISSING = ("", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "-nan(ind)", "1.#qnan")
 
 
@@ -127,30 +132,24 @@ class TextTable:
         return FlightError(f"{self.path}, row {self.rows[row]}: {name} is {found}: {expected}")
 
 
-def time_of(where: object, text: str, fraction: str = "") -> int:
+def time_of(where: object, text: str) -> int:
     """Nanoseconds since 1970 of an EXIF time such as ``2013:06:04 13:37:29``, or one of ISO 8601.
 
-    It is taken as UTC where it tells no zone; zero where a camera without a clock wrote it. An
-    hour 24 is that after midnight of the same date, as phones mean it.
-
-    Parameters
-    ----------
-    fraction : str
-        Digits behind the seconds.
+    It is taken as UTC where it tells no zone, as of 1970 where it tells no date; zero where a
+    camera without a clock wrote it. An hour 24 is that after midnight of the same date, as phones
+    mean it; AM and PM count to 12.
 
     Raises
     ------
     FlightError
         It is no time, or beyond the year 2262.
     """
-    if not text.strip(" 0:"):
+    if not text.strip(" 0:."):
         return 0
     try:
-        date, clock = text.strip()[:10], re.sub(r"^(\D)24:", r"\g<1>00:", text.strip()[10:])
-        moment = datetime.fromisoformat(date.replace(":", "-") + clock)
+        moment = datetime.fromisoformat(_iso(text))
         moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
         stamp = round(moment.timestamp() * 1e6) * 1000
-        stamp += int(f"{fraction:0<9}"[:9]) if fraction else 0
         if abs(stamp) < 2**63:
             return stamp
     except ValueError:
@@ -158,6 +157,18 @@ def time_of(where: object, text: str, fraction: str = "") -> int:
     raise FlightError(
         f"{where}: {text[:40]!r} is no time: expected one such as 2013:06:04 13:37:29"
     )
+
+
+def _iso(text: str) -> str:
+    """A time as ISO 8601 writes it; texts that are none as they are."""
+    if (parts := _TIME.fullmatch(text.strip())) is None:
+        return text.strip()
+    year, month, day, hour, rest, half, zone = parts.groups()
+    date = f"{year}-{month:0>2}-{day:0>2}" if year else "1970-01-01"
+    clock = 0 if hour == "24" else int(hour)
+    if half:
+        clock = clock % 12 + 12 * (half in "pP") if clock <= 12 else 99
+    return f"{date} {clock:02}{rest}{zone or ''}"
 
 
 def is_number(text: str) -> bool:

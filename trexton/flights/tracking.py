@@ -20,6 +20,8 @@ LEAVES = 2.0  # times the top sustained speed by which a frozen pose is left
 LONGEST = 0.3  # of the rows: where more seem lost it is the flight that jumps
 SMALLEST = 0.05  # metres: what is nearer is noise
 MOST_PIECES = 1000  # between jumps, back to which a way is looked for
+SET_BACK = "was a clock set back?"  # in what is said of one, for the check to find
+MOST_BACK = 3  # times that a clock is set back: more are rows out of order
 NAMED = 12  # ranges of frames that are told one by one
 
 Lost = tuple[str, np.ndarray, bool]  # in words, the rows, and whether it is sure which they are
@@ -79,6 +81,34 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
         how = "at one place to the last digit while the vehicle flew on"
         found.append((how, rows[frozen], True))
     return found
+
+
+def counted_on(time: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps that go on by the usual step where a clock was set back, and the rows where it was:
+    those with an earlier stamp than the row before, if the path is shorter as the rows lie than by
+    their stamps.
+
+    Parameters
+    ----------
+    time : (N,) array
+        In the order of the rows.
+    place : (N, 2) array
+        Metres; NaN where there is none.
+    """
+    back, known = np.flatnonzero(np.diff(time) < 0) + 1, np.isfinite(place).all(axis=1)
+    if not 0 < len(back) <= MOST_BACK or known.sum() < FEWEST:
+        return time, back[:0]
+    place = place[known]
+    steps, by_stamps = (
+        np.hypot(*np.diff(each, axis=0).T)
+        for each in (place, place[np.argsort(time[known], kind="stable")])
+    )
+    if by_stamps.sum() - steps.sum() <= 3 * np.median(steps):
+        return time, back[:0]
+    gaps, time = np.diff(time), time.copy()
+    for row in back:
+        time[row:] += np.median(gaps[gaps > 0]).astype(time.dtype) - gaps[row - 1]
+    return time, back
 
 
 def _top_speed(time: np.ndarray, position: np.ndarray) -> float:

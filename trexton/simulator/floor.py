@@ -99,7 +99,7 @@ class Floor:
         Raises
         ------
         ImageError
-            The file is no picture.
+            The file is no picture, or one of a single colour.
         ParameterError
             A side, `width` or the one that the picture's shape gives, is not 0.5 to 50 m.
         """
@@ -115,6 +115,11 @@ class Floor:
             image.shape[0] / scale,
             "the floor's length, by the shape of its picture,", low=0.5, high=50,
         )  # fmt: skip
+        if cv2.meanStdDev(image if mask is None else image * mask[..., None])[1].max() < 1:
+            raise ImageError(
+                f"{path}: shows one colour, or nothing at all: no place on it can be told from "
+                "another, give a picture of the floor"
+            )
         return cls(MapImage.from_extent(image, 0.0, length, scale, mask))
 
     @property

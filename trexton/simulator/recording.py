@@ -176,21 +176,12 @@ def _record(
         (folder / "floor.png").write_bytes(floor.png())
         files, truth = _fly(simulator, plan, folder, frames, every)
         flight = Flight(
-            name=path.name,
-            frame=np.arange(frames),
-            time=np.arange(frames) * every * PERIOD,
-            position=truth[:, :2],
-            height=truth[:, 2],
-            attitude=truth[:, 3:],
-            frames=ImageFiles(files),
-            area=floor.area,
-            camera=simulator.camera,
-            split={split: (0, frames - 1)},
-            floor_file=folder / "floor.png",
-            floor_from_pixel=floor.picture.world_from_pixel,
-            source=source,
-            licence="CC0-1.0",
-        )
+            name=path.name, frame=np.arange(frames), time=np.arange(frames) * every * PERIOD,
+            position=truth[:, :2], height=truth[:, 2], attitude=truth[:, 3:],
+            frames=ImageFiles(files), area=floor.area, camera=simulator.camera,
+            split={split: (0, frames - 1)}, floor_file=folder / "floor.png",
+            floor_from_pixel=floor.picture.world_from_pixel, source=source, licence="CC0-1.0",
+        )  # fmt: skip
         write_tables(flight, folder)
     return read_flight(path)
 

@@ -82,12 +82,9 @@ def corrected_frame(frame: np.ndarray, state: np.ndarray, levels: np.ndarray) ->
     """``(H, W, 3) uint8``: the frame as it would look as surveyed; see `corrected_patches`."""
     if state[HEADING:].any():
         frame = cv2.warpAffine(
-            frame,
-            affine(frame.shape, state),
-            frame.shape[1::-1],
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REFLECT,
-        )
+            frame, affine(frame.shape, state), frame.shape[1::-1],
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REFLECT,
+        )  # fmt: skip
     if not levels.any():
         return _recolored(frame, state)
     side = isqrt(len(levels))

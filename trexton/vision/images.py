@@ -17,11 +17,10 @@ import numpy as np
 
 from trexton.base.errors import ImageError
 from trexton.base.options import whole
-from trexton.base.pictures import MOST_BYTES, MOST_PIXELS, declared_size, decode
+from trexton.base.pictures import MOST_BYTES, MOST_PIXELS, TIFF, damage, declared_size, decode
 from trexton.base.streams import generator
 
 MOST_SAMPLES = 1_000_000  # three times all patches of 640x480: more only fill the memory
-_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")  # of a JPEG, but for those among pixels
 
 
 def check_image(image: np.ndarray) -> np.ndarray:
@@ -77,23 +76,6 @@ def _check_size(source: object, size: tuple[float, float]) -> None:
         )
 
 
-def cut_short(data: bytes) -> bool:
-    """Whether they are of a truncated JPEG: OpenCV fills the rest with grey and says nothing."""
-    return data[:2] == b"\xff\xd8" and not (b"\xff\xd9" in data[-64:] or _jpeg_ends(data))
-
-
-def _jpeg_ends(data: bytes) -> bool:
-    """Whether the picture in a JPEG file has its end, whatever a camera wrote behind it."""
-    place = 2
-    while (mark := _MARKER.search(data, place)) is not None:
-        place = mark.end()
-        if (kind := data[place - 1]) == 0xD9:
-            return True
-        if kind != 0x01:  # what the others mark has a length; pixels follow without
-            place += int.from_bytes(data[place : place + 2], "big")
-    return False
-
-
 def check_capture(capture: Any, source: object) -> None:
     """Refuse an opened video whose frames are larger than a camera's picture can be, of more than
     `MOST_PIXELS`, by an `ImageError`.
@@ -109,9 +91,11 @@ def read_picture(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray |
     Raises
     ------
     ImageError
-        See `checked_bytes`.
+        It is damaged, or see `checked_bytes`.
     """
     data = checked_bytes(Path(path))
+    if found := damage(data):
+        raise ImageError(f"{path}: {found}: give it anew")
     whole = decode(data, cv2.IMREAD_UNCHANGED)
     if whole is None or whole.ndim == 2 or whole.shape[2] != 4:
         # As OpenCV shows it: grey becomes BGR, 16 bits become 8, and only this turns by EXIF.
@@ -128,7 +112,7 @@ def read_image(path: str | os.PathLike[str]) -> np.ndarray:
     Raises
     ------
     ImageError
-        The file is missing, is no image, or ends too soon.
+        The file is missing, is no image, is damaged, or holds several.
     """
     path = Path(path)
     data = checked_bytes(path)
@@ -142,7 +126,7 @@ def size_of(file: Path) -> tuple[int, int]:
     """Width and height of an image as it is read, by an eighth of it: in a fifth of the time."""
     data = checked_bytes(file)
     small, declared = decode(data, cv2.IMREAD_REDUCED_GRAYSCALE_8), declared_size(data)
-    if cut_short(data) or small is None or declared is None or small.shape[0] == small.shape[1]:
+    if damage(data) or small is None or declared is None or small.shape[0] == small.shape[1]:
         height, width = read_image(file).shape[:2]
         return width, height
     wide = small.shape[1] > small.shape[0]  # as it is turned by EXIF
@@ -150,14 +134,18 @@ def size_of(file: Path) -> tuple[int, int]:
 
 
 def decode_image(data: bytes) -> np.ndarray:
-    """``(H, W, 3) uint8`` Y, U, V of the bytes of an image file; raises `ImageError` where they
-    are no image, or end too soon.
+    """``(H, W, 3) uint8`` Y, U, V of the bytes of an image file.
+
+    Raises
+    ------
+    ImageError
+        They are no image, are damaged, or hold several.
     """
-    cut = cut_short(data)
-    image = None if cut else decode(data)
+    fault = damage(data)
+    image = None if fault else decode(data)
     if image is None:
-        fault = "the file is cut short" if cut else "not an image that OpenCV can decode"
-        if data[:3] in (b"II*", b"MM\0"):
+        fault = fault or "not an image that OpenCV can decode"
+        if data[:3] in TIFF and "decode" in fault:
             fault += " (a TIFF of over four bands, or of floats? write one band of 8 or 16 bits)"
         raise ImageError(f"{fault} ({len(data)} bytes)")
     return yuv_from_bgr(image)

@@ -25,7 +25,7 @@ from trexton.companion.build.postprocessing import finish_book
 from trexton.companion.build.prose import findings, records_by_name, renewed_readme
 from trexton.companion.build.sources import Contents, stage
 from trexton.flights.folder import read_flight
-from trexton.flights.registry import fetch, raw_files
+from trexton.flights.registry import fetch, registry
 
 _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2mathml")
 
@@ -206,7 +206,8 @@ def prepare_flights(folder: Path, quick: bool = False) -> Prepared:
             raise
 
     code = labelled("module", code_hashes("trexton.companion.public_flights"))
-    files = labelled("file", {key: canonical_json(one) for key, one in raw_files(_REAL).items()})
+    raw = {file["key"]: canonical_json(file) for file in registry()[_REAL]["files"]}
+    files = labelled("file", raw)
     _make([_step(real, code | files, fetch_real)], folder, prepared)
     if not (quick and not prepared.absent):
         room = code_hashes("trexton.simulator.recording")

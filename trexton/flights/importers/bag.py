@@ -17,7 +17,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
-from trexton.base.pictures import MOST_PIXELS, decode
+from trexton.base.pictures import MOST_PIXELS, damage, decode
 from trexton.flights.frames import Forward
 from trexton.flights.importers.axes import axes_option
 from trexton.flights.importers.recording import NANO, Recording
@@ -87,18 +87,12 @@ def read(source: Path, settings: Settings) -> Recording:
     track, taken = pose_track(
         posed[:, clock], values[:, :3], values[:, 3:], settings.axes, f"{source}, {poses}", lines
     )
+    decoded = partial(_decoded, f"{bag.source}: an image of {images}")
     return Recording(
-        shot[:, clock],
-        track,
-        Forward(
-            bag.source,
-            np.arange(len(shot)),
-            partial(bag.messages, images),
-            partial(_decoded, f"{bag.source}: an image of {images}"),
-        ),
-        source=f"bag {source.name}: {images}, {poses}",
-        said=said + taken,
-    )
+        shot[:, clock], track,
+        Forward(bag.source, np.arange(len(shot)), partial(bag.messages, images), decoded),
+        source=f"bag {source.name}: {images}, {poses}", said=said + taken,
+    )  # fmt: skip
 
 
 class _Bag:
@@ -217,9 +211,10 @@ def _decoded(where: str, message: tuple[int, int, Any]) -> np.ndarray:
     """``(H, W, 3) uint8`` BGR of a message of an image."""
     *_, item = message
     if hasattr(item, "format"):
-        image = decode(bytes(item.data))
-        if image is None:
-            raise FlightError(f"{where} cannot be decoded (format {item.format!r})")
+        image, found = decode(bytes(item.data)), damage(bytes(item.data))
+        if image is None or found:
+            found = found or f"format {item.format!r}"
+            raise FlightError(f"{where} cannot be decoded: {found}")
         return image
     if item.encoding.lower() not in _ENCODINGS:
         known = ", ".join(_ENCODINGS)

@@ -16,8 +16,8 @@ from trexton.flights.importers.axes import AXES, attitude_from_quaternions
 from trexton.flights.tables import time_of
 
 _GPS, _DETAILS = 0x8825, 0x8769  # EXIF directories
-# When it was taken, when the file was changed, and the parts of a second of each.
-_TAKEN = ((0x9003, 0x9291), (0x0132, 0x9290))
+# When it was taken, when the file was changed, with the parts of a second and the zone of each.
+_TAKEN = ((0x9003, 0x9291, 0x9011), (0x0132, 0x9290, 0x9010))
 _PARTS = ("Yaw", "Pitch", "Roll")
 _UNKNOWN = (np.nan, np.nan, np.nan)
 # Heights above the place of take-off or the ground (DJI and Autel; senseFly, Parrot and Pix4D), and
@@ -50,6 +50,8 @@ class Shot:
         Radians, of the camera; see `trexton.vision.camera`.
     time_ns : int
         Nanoseconds since 1970; 0 where there is no time.
+    zoned : bool
+        Whether the zone of the time is told; it is taken as UTC otherwise.
     """
 
     latitude: float = np.nan
@@ -58,6 +60,7 @@ class Shot:
     height: float = np.nan
     attitude: tuple[float, float, float] = _UNKNOWN
     time_ns: int = 0
+    zoned: bool = False
 
     @property
     def located(self) -> bool:
@@ -74,13 +77,17 @@ def read_shot(path: Path) -> Shot:
             gps, details = exif.get_ifd(_GPS), exif.get_ifd(_DETAILS)
     except (KeyError, TypeError, ValueError, OSError, Image.DecompressionBombError):
         return Shot()
-    taken = 0
-    for moment, part in _TAKEN:
+    taken, zoned = 0, False
+    for moment, part, offset in _TAKEN:
         known = next((table for table in (details, exif) if moment in table), None)
         if known is not None:
-            fraction = re.match(r"\d*", str(details.get(part, "")).strip())
+            text, digits = _text(known[moment]), re.match(r"\d+", _text(details.get(part, "")))
+            zone = re.fullmatch(r"[-+]\d\d:?\d\d", _text(details.get(offset, "")))
+            zoned = zone is not None
+            if len(text) == len("2013:06:04 13:37:29"):
+                text += (f".{digits[0]}" if digits else "") + (zone[0] if zone else "")
             with suppress(FlightError):  # no time: as if the camera had no clock
-                taken = time_of(path, _text(known[moment]), fraction[0] if fraction else "")
+                taken = time_of(path, text)
             break
     if _text(gps.get(9, "")).upper() == "V":  # the receiver had lost its fix
         gps = {}
@@ -91,7 +98,7 @@ def read_shot(path: Path) -> Shot:
         latitude = longitude = altitude = np.nan
     values = _values(xmp if isinstance(xmp, bytes) else str(xmp).encode())
     height = next((values[name] for name in _HEIGHTS if name in values), np.nan)
-    return Shot(latitude, longitude, altitude, height, _attitude(values), taken)
+    return Shot(latitude, longitude, altitude, height, _attitude(values), taken, zoned)
 
 
 def _text(value: Any) -> str:

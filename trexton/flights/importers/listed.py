@@ -61,13 +61,11 @@ class Euroc:
         columns = replace(place, quaternion=turn, axes=settings.axes)
         track, said = columns.of(positions)
         return Recording(
-            table.nanoseconds("stamp", "ns"),
-            track,
+            table.nanoseconds("stamp", "ns"), track,
             ImageFiles(tuple(folder / "data" / name for name in table.texts("file"))),
-            camera=camera,
-            source=f"ASL folder, {settings.camera} and {found}",
+            camera=camera, source=f"ASL folder, {settings.camera} and {found}",
             said=[f"positions from {found}", *said],
-        )
+        )  # fmt: skip
 
 
 def _mav(source: Path) -> Path:
@@ -143,8 +141,8 @@ def _read_list(path: Path) -> TextTable:
     )
 
 
-def _column_names(source: Path) -> set[str]:
-    """Of a table; none where there is no table."""
+def column_names(source: Path) -> set[str]:
+    """The columns of a table; none where there is no table."""
     if not (source.is_file() and source.suffix.lower() in (".csv", ".tsv", ".txt")):
         return set()
     try:
@@ -164,7 +162,7 @@ class Table:
 
     @staticmethod
     def recognises(source: Path) -> bool:
-        return {"x", "y", "image"} <= _column_names(source)
+        return {"x", "y", "image"} <= column_names(source)
 
     @staticmethod
     def read(source: Path, settings: Settings) -> Recording:
@@ -202,7 +200,7 @@ class Features:
 
     @staticmethod
     def recognises(source: Path) -> bool:
-        names = _column_names(source)
+        names = column_names(source)
         return {"x", "y"} <= names and "image" not in names and len(names) > 5
 
     @staticmethod

@@ -14,6 +14,7 @@ import numpy as np
 from trexton.base.errors import FlightError, ParameterError
 from trexton.flights.frames import Forward, ImageFiles
 from trexton.flights.tables import TIMES
+from trexton.flights.tracking import SET_BACK, counted_on
 from trexton.vision.camera import Camera, wrapped
 
 NANO = TIMES["s"]
@@ -105,12 +106,8 @@ class PoseTrack:
         said = []
         if back := int((np.diff(self.time_ns) < 0).sum()):
             said.append(f"{where}: {back} rows of positions out of order, sorted by their stamps")
-            on = (np.diff(self.time_ns) < 0) & goes_on
-            if back <= 3 and on.any():
-                row = lines[int(on.argmax()) + 1]
-                said[0] += (
-                    f"; the place goes on at row {row}: was a clock set back? mend the stamps"
-                )
+            for row in counted_on(self.time_ns, self.position[:, :2])[1][:1]:
+                said[0] += f"; the place goes on at row {lines[row]}: {SET_BACK} mend the stamps"
         if dropped := np.flatnonzero(~kept & ~wrong).tolist():
             rows = "row" if len(dropped) == 1 else "rows"
             said.append(

@@ -12,6 +12,7 @@ import numpy as np
 from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
+from trexton.flights.importers.listed import column_names
 from trexton.flights.importers.recording import PoseTrack, Recording, nanoseconds
 from trexton.flights.tables import is_number, read_table
 
@@ -76,10 +77,7 @@ def frames_of(
 
 
 def recognises(source: Path) -> bool:
-    if not (source.is_file() and source.suffix.lower() in (".csv", ".tsv", ".txt")):
-        return False
-    with open(source, encoding="utf-8", errors="replace") as stream:
-        return {"stamp", "source", "value"} <= {*map(str.strip, stream.readline().split(","))}
+    return {"stamp", "source", "value"} <= column_names(source)
 
 
 def read(source: Path, settings: Settings) -> Recording:

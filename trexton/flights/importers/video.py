@@ -76,12 +76,10 @@ def read(source: Path, settings: Settings) -> Recording:
             )
     rows = np.arange(0, len(stamps), settings.every)
     return Recording(
-        nanoseconds(stamps[rows]),
-        track.shifted(-offset),
+        nanoseconds(stamps[rows]), track.shifted(-offset),
         Forward(source, rows, lambda: _stamped(source), lambda item: item[1]),
-        source=f"video {source.name}",
-        said=[said, *read_so, *cut],
-    )
+        source=f"video {source.name}", said=[said, *read_so, *cut],
+    )  # fmt: skip
 
 
 def estimate_offset(
@@ -135,9 +133,9 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """
     seen: list[float] = []
     moved: list[float] = []
-    announced: list[float] = []
+    announced = cv2.VideoCapture(str(source)).get(cv2.CAP_PROP_FRAME_COUNT)
     before = None
-    for stamp, frame in progress(_stamped(source, announced), "video"):
+    for stamp, frame in progress(_stamped(source), "video"):
         luma = small(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., None]).astype(np.float32)
         across, down = (0.0, 0.0) if before is None else cv2.phaseCorrelate(before, luma)[0]
         seen.append(stamp)
@@ -147,27 +145,20 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     if len(stamps) < 3:
         raise FlightError(f"{source}: {len(stamps)} frames could be decoded: copy it again")
     cut = []
-    if len(stamps) < _WHOLE * announced[0] - 1 < 1e9:  # some containers name any number
+    if len(stamps) < _WHOLE * announced - 1 < 1e9:  # some containers name any number
         cut = [
-            f"{source}: {len(stamps)} of {announced[0]:.0f} frames could be decoded: the file is "
+            f"{source}: {len(stamps)} of {announced:.0f} frames could be decoded: the file is "
             "cut short, or damaged and what follows is stamped too early: copy it again"
         ]
     motion = np.array(moved) / np.maximum(np.diff(stamps, prepend=stamps[0] - 1), 1e-3)
     return stamps - stamps[0], motion, cut
 
 
-def _stamped(
-    video: Path, announced: list[float] | None = None
-) -> Iterator[tuple[float, np.ndarray]]:
-    """Stamp in seconds and BGR of each frame; where stamps are missing, by the stated rate.
-
-    How many frames the head of the file names goes into `announced`.
-    """
+def _stamped(video: Path) -> Iterator[tuple[float, np.ndarray]]:
+    """Stamp in seconds and BGR of each frame; where stamps are missing, by the stated rate."""
     capture = cv2.VideoCapture(str(video))
     try:
         check_capture(capture, video)
-        if announced is not None:
-            announced.append(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         rate = capture.get(cv2.CAP_PROP_FPS) or 25.0
         last, number = -1.0, 0
         while True:

@@ -134,23 +134,15 @@ def row(fix: Fix) -> dict[str, Any]:
     fusion = fix.fusion
     values: Any = plain(
         {
-            "time_s": fix.time,
-            "frame": fix.number,
-            "x_m": fix.position[0],
-            "y_m": fix.position[1],
-            "std_x_m": fix.spread[0],
-            "std_y_m": fix.spread[1],
+            "time_s": fix.time, "frame": fix.number,
+            "x_m": fix.position[0], "y_m": fix.position[1],
+            "std_x_m": fix.spread[0], "std_y_m": fix.spread[1],
             "covariance_m2": _upper(fix.covariance),
-            "observed": fix.observed,
-            "lost": fix.lost,
-            "stale": fix.stale,
-            "resets": fix.resets,
-            "latency_s": fix.latency,
-            "fault": fix.fault,
+            "observed": fix.observed, "lost": fix.lost, "stale": fix.stale, "resets": fix.resets,
+            "latency_s": fix.latency, "fault": fix.fault,
             "measurement_m": fusion.position,
             "measurement_covariance_m2": _upper(fusion.covariance),
-            "heading_rad": fix.heading,
-            "heading_std_rad": fix.heading_sigma,
+            "heading_rad": fix.heading, "heading_std_rad": fix.heading_sigma,
         }
     )  # fmt: skip
     return dict(values)
