@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -63,3 +64,29 @@ def test_parts_that_are_loaded_by_name_are_reached():
     named = {place.partition(":")[0] for names in ROLES.values() for place in names.values()}
     assert named <= code_hashes("trexton.localization.localizer").keys()
     assert named <= code_hashes("trexton.companion.experiments.beyond").keys()
+
+
+TWICE = """
+import sys, time
+import numpy as np
+from trexton.base.cache import cached
+
+def compute():
+    time.sleep(1)
+    print("computed", flush=True)
+    return {"x": np.arange(3)}
+
+assert cached("thing", "trexton.base.cache", {}, compute)["x"].tolist() == [0, 1, 2]
+"""
+
+
+def test_of_processes_that_ask_at_once_one_computes_and_the_others_wait(tmp_path):
+    environment = os.environ | {"TREXTON_CACHE": str(tmp_path)}
+    words = [sys.executable, "-c", TWICE]
+    runs = [
+        subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=environment)
+        for _ in range(3)
+    ]
+    said = [run.communicate()[0] for run in runs]
+    assert [run.returncode for run in runs] == [0, 0, 0] and "".join(said) == "computed\n"
+    assert [path.suffix for path in tmp_path.iterdir()] == [".npz"]

@@ -5,7 +5,8 @@ import ast
 import hashlib
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -100,6 +101,8 @@ def cached(
 ) -> dict[str, np.ndarray]:
     """Return the arrays that `compute` gives, from the cache if the same inputs were seen before.
 
+    Of processes that ask for the same at once, one computes it and the others wait.
+
     Parameters
     ----------
     kind : str
@@ -113,16 +116,31 @@ def cached(
     """
     key = digest(kind, inputs, code_hashes(module), software_versions())
     path = cache_folder() / f"{kind}-{key[:24]}.npz"
-    if (stored := _stored(path)) is not None:
-        return stored
-    arrays = {name: np.asarray(array) for name, array in compute().items()}
-    try:
-        with atomic_file(path, "wb") as stream:
-            save: Any = np.savez  # whose stubs take every name for an option
-            save(stream, **arrays, **{CONTENTS: np.array(_contents(arrays))})
-    except (OSError, ParameterError) as error:  # full, not ours: what was computed is right
-        say(f"{path.parent}: nothing is kept there ({error})")
+    with _turn(path):
+        if (stored := _stored(path)) is not None:
+            return stored
+        arrays = {name: np.asarray(array) for name, array in compute().items()}
+        try:
+            with atomic_file(path, "wb") as stream:
+                save: Any = np.savez  # whose stubs take every name for an option
+                save(stream, **arrays, **{CONTENTS: np.array(_contents(arrays))})
+        except (OSError, ParameterError) as error:  # full, not ours: what was computed is right
+            say(f"{path.parent}: nothing is kept there ({error})")
     return arrays
+
+
+@contextmanager
+def _turn(path: Path) -> Iterator[None]:
+    """Wait until no other process makes this file; where none can be kept, nobody waits."""
+    with ExitStack() as held:
+        with suppress(ImportError, OSError):
+            import fcntl  # which not every system has
+
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = path.with_suffix(".lock")
+            fcntl.flock(held.enter_context(open(lock, "w")), fcntl.LOCK_EX)
+            held.callback(lock.unlink, missing_ok=True)
+        yield
 
 
 def _stored(path: Path) -> dict[str, np.ndarray] | None:
