@@ -154,7 +154,7 @@ def _build(contents: Contents, html: Path) -> str:
 def _jupyter_book(source: Path, work: Path) -> Path:
     """Run Jupyter Book with warnings as errors; returns the folder of HTML."""
     say("building the pages")
-    program = "from jupyter_book.cli.main import main; main()"
+    program = "import trexton.companion.build; from jupyter_book.cli.main import main; main()"
     command = [sys.executable, "-c", program, "build", str(source), "--path-output", str(work)]
     command += ["--all", "-W", "-n", "--keep-going", "-q"]
     run = subprocess.run(

@@ -101,11 +101,13 @@ class Page:
 
     def claims(self) -> HTML:
         """What is claimed of this experiment, and the verdicts of this flight."""
-        records = {self.record.experiment: self.record}
-        for name in EXPERIMENTS[self.record.experiment].after:
+        own = self.record.experiment
+        records = {own: self.record}
+        for name in EXPERIMENTS[own].after:
             if (path := self.folder / f"{name}.json").exists():
                 records[name] = Record.load(path)
-        mine = [claim for claim in load_claims() if claim.experiment == self.record.experiment]
+        # Of this experiment alone: those of others would have all their modules loaded.
+        mine = [claim for claim in load_claims(experiments=[own]) if claim.experiment == own]
         rows = judge_all({self.record.flight: records}, mine)
         return HTML(claims_html(rows, "What is claimed, and our test of it."))
 

@@ -1,6 +1,7 @@
 """Claims are read from ``data/paper/claims.toml``. The records of each flight judge them."""
 
 import tomllib
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -112,8 +113,8 @@ class Finding:
     reason: str = ""
 
 
-def load_claims(path: Path | None = None) -> list[Claim]:
-    """All claims, in the order of the paper, then those that experiments declare themselves.
+def load_claims(path: Path | None = None, experiments: Iterable[str] = EXPERIMENTS) -> list[Claim]:
+    """All claims, in the order of the paper, then those that `experiments` declare themselves.
 
     Raises
     ------
@@ -123,8 +124,8 @@ def load_claims(path: Path | None = None) -> list[Claim]:
     file = path or paper_file("claims.toml")
     tables = tomllib.loads(file.read_text(encoding="utf-8"))["claim"]
     if path is None:
-        for name, experiment in EXPERIMENTS.items():
-            tables += [{"experiment": name} | table for table in experiment.claims]
+        for name in experiments:
+            tables += [{"experiment": name} | table for table in EXPERIMENTS[name].claims]
     claims = [Claim(**table) for table in tables]
     for claim in claims:
         if claim.kind in _HELD_AGAINST:

@@ -6,7 +6,6 @@ Offers rank correlation over frames (block bootstrap) and over pairs of frames, 
 from typing import Any
 
 import numpy as np
-from scipy.stats import rankdata
 
 from trexton.companion.experiments.metrics import BLOCK, block_rows, with_interval
 
@@ -67,6 +66,8 @@ def pearson(a: np.ndarray, b: np.ndarray) -> float:
 
 def _spearman(a: np.ndarray, b: np.ndarray) -> list[float]:
     """Of each row."""
+    from scipy.stats import rankdata  # which takes half a second to load
+
     return [
         pearson(*ranks) for ranks in zip(*(rankdata(each, axis=1) for each in (a, b)), strict=True)
     ]
@@ -74,6 +75,8 @@ def _spearman(a: np.ndarray, b: np.ndarray) -> list[float]:
 
 def _pair_ranks(matrix: np.ndarray) -> np.ndarray:
     """Ranks of the upper triangle, between -1/2 and 1/2, on both sides of a zero diagonal."""
+    from scipy.stats import rankdata
+
     upper = np.triu_indices(len(matrix), 1)
     ranks = np.zeros_like(matrix)
     ranks[upper] = rankdata(matrix[upper]) / len(upper[0]) - 0.5
