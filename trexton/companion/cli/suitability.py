@@ -42,9 +42,6 @@ def run(arguments: argparse.Namespace) -> int:
     )
     from trexton.vision.threads import usable_cores
 
-    if arguments.out:  # heat maps need the extra, and the verdict does not
-        from trexton.companion.experiments.suitability import predicted_errors
-
     flights = chosen_options(arguments, VirtualFlights)
     floors = {name: _floor(name, arguments) for name in arguments.images}
     files = _files(Path(arguments.out), floors) if arguments.out else {}
@@ -55,6 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
         for name in floors:
             if (error_cm := next(answers)) is not None:
                 say(f"{name}: about {error_cm:.0f} cm by first, coarse flights")
+        if files:  # heat maps need the extra, and a while to load it; the verdict does not
+            from trexton.companion.experiments.suitability import predicted_errors
         judged = dict(zip(floors, answers, strict=True))
     ranked = sorted(judged, key=lambda name: judged[name]["predicted_cm"])
     for place, name in enumerate(ranked, start=1):

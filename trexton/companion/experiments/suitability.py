@@ -18,6 +18,7 @@ from trexton.base.streams import stream
 from trexton.companion.executor import spread
 from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, SeedParameters, option
+from trexton.companion.experiments.evaluation import map_picture
 from trexton.companion.experiments.floors import named_floor
 from trexton.companion.experiments.style import (
     COLORS,
@@ -26,6 +27,7 @@ from trexton.companion.experiments.style import (
     heat_map,
     legend_above,
     plain_log_ticks,
+    show_floor,
 )
 from trexton.companion.experiments.virtual_flights import VirtualFlights, judge_floor, measured_cm
 from trexton.companion.wording import fixed, percent, span
@@ -153,8 +155,8 @@ def predicted_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
     extent = judged["area_m"]
     with canvas(1, 1, size=(5.6, 5.0)) as (figure, [[plan]]):
         floor_axes(plan, extent)
-        pale = 255 - (255 - floor.picture.image[..., ::-1].astype(float)) * 0.35
-        plan.imshow(pale.astype(np.uint8), extent=extent, interpolation="bilinear", zorder=0)
+        place, picture = map_picture(floor.picture, 700)
+        show_floor(plan, place, picture, fade=0.35)
         heat_map(figure, plan, heat, extent, "expected error (cm)")
         x, y = judged["worst_m"]
         plan.plot(x, y, "x", color=COLORS["truth"], markersize=8)
