@@ -101,6 +101,7 @@ class FrameMotion:
 
     def __init__(self) -> None:
         self._last: np.ndarray | None = None
+        self._expected: np.ndarray | None = None  # in pixels, as last seen
 
     def step(self, frame: np.ndarray) -> np.ndarray | None:
         """``(4,)``: radians and log of the height, which add to those of a state, and how far what
@@ -111,10 +112,10 @@ class FrameMotion:
         size = round(frame.shape[1] * scale), round(frame.shape[0] * scale)
         small = cv2.resize(np.ascontiguousarray(frame[..., 0]), size, interpolation=cv2.INTER_AREA)
         last, self._last = self._last, small
-        motion = None if last is None else followed(last, small, POINTS)
+        motion = None if last is None else followed(last, small, POINTS, self._expected)
         if motion is None or motion[1] < MIN_SHARE:
             return None
-        matrix, _ = motion
+        matrix = self._expected = motion[0]
         moved, middle = complex(matrix[0, 0], matrix[1, 0]), (np.array(size) - 1) / 2
         shift = (matrix[:, :2] @ middle + matrix[:, 2] - middle) / size
         return np.array([np.angle(moved), -np.log(abs(moved)), *shift])

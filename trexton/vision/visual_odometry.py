@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from trexton.vision.camera import Camera, transform_points
 
 FEWEST = 12  # points that must be followed from frame to frame, and agree
+AGREED = 0.8  # share of them, above which no other motion is tried
+STILL = np.eye(2, 3)
 
 
 def shrink(image: np.ndarray, factor: int) -> np.ndarray:
@@ -30,14 +32,35 @@ def shrunken_camera(camera: Camera, factor: int) -> Camera:
     return Camera(camera.width // factor, camera.height // factor, camera.focal / factor, center)
 
 
-def followed(before: np.ndarray, after: np.ndarray, most: int) -> tuple[np.ndarray, float] | None:
+def followed(
+    before: np.ndarray, after: np.ndarray, most: int, expected: np.ndarray | None = None
+) -> tuple[np.ndarray, float] | None:
     """``(2, 3)`` turn, scale and shift that take the pixels of a luma frame to the next, by at most
-    so many points that are followed, and the share of them that agree; None where they are too few.
+    so many points that are followed, and the share that agrees of those still in sight; None where
+    they are too few.
+
+    They are sought where an `expected` motion takes them, which tells repeated patterns apart; if
+    few agree, also where they were.
     """
     points = cv2.goodFeaturesToTrack(before, most, 0.01, 5)
     if before.shape != after.shape or points is None:
         return None
-    moved, status, _ = cv2.calcOpticalFlowPyrLK(before, after, points, np.empty(0, np.float32))
+    best = None
+    for start in [STILL] if expected is None else [expected, STILL]:
+        motion = _followed(before, after, points, start)
+        if motion is not None and (best is None or motion[1] > best[1]):
+            best = motion
+        if best is not None and best[1] > AGREED:
+            break
+    return best
+
+
+def _followed(
+    before: np.ndarray, after: np.ndarray, points: np.ndarray, start: np.ndarray
+) -> tuple[np.ndarray, float] | None:
+    moved, status, _ = cv2.calcOpticalFlowPyrLK(
+        before, after, points, cv2.transform(points, start), flags=cv2.OPTFLOW_USE_INITIAL_FLOW
+    )
     kept = status.ravel() > 0
     if kept.sum() < FEWEST:
         return None
@@ -46,7 +69,9 @@ def followed(before: np.ndarray, after: np.ndarray, most: int) -> tuple[np.ndarr
     )
     if matrix is None or inliers.sum() < FEWEST:
         return None
-    return matrix, float(inliers.sum() / len(points))
+    now = cv2.transform(points, matrix)[:, 0]
+    in_sight = ((now >= 0) & (now < before.shape[::-1])).all(axis=1).sum()
+    return matrix, float(min(1.0, inliers.sum() / max(in_sight, 1)))
 
 
 class VisualOdometry:
