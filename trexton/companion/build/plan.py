@@ -28,7 +28,7 @@ from trexton.companion.build.workers import jobs_here, threads_of
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import EXPERIMENTS
 
-_LONG_S = 60.0  # experiments that take longer start before others
+_LONG_S = 30.0  # experiments that take longer start before others
 
 
 def run_experiments(

@@ -1,9 +1,15 @@
 """``trexton report FLIGHT --out DIR``: will it work here? A printable page and a small book."""
 
 import argparse
+from contextlib import suppress
 from pathlib import Path
+from threading import Thread
+from typing import Any
 
-PAGES = ("assessment", "mocap_training", "map_loss", "texton_dictionary")
+from trexton.base.errors import TrextonError
+
+VERDICT = "assessment"
+PAGES = ("mocap_training", "map_loss", "texton_dictionary")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,32 +24,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.base.records import Record
-    from trexton.companion.build.flight_pairs import FlightPair, load_pair
+    from trexton.companion.build.flight_pairs import FlightPair, check_out, load_pair
     from trexton.companion.build.plan import run_experiments
     from trexton.companion.build.small_report import write_report
     from trexton.companion.cli.run import print_outcomes
-    from trexton.flights.plausibility import warnings
+    from trexton.companion.experiments.assessment import Parameters
 
-    out = Path(arguments.out)
+    out, chosen = Path(arguments.out), Parameters(methods=arguments.methods)
     pair = load_pair(arguments.flight, arguments.test_flight)  # what cannot be tested is said
     pairs = [FlightPair(arguments.flight, arguments.test_flight)]
-    first, *others = PAGES
-    # The verdict on every core and at once; the other pages take from it what was counted.
-    settings = {f"{first}.methods": arguments.methods}
-    outcomes = run_experiments(pairs, out, only=[first], settings=settings, jobs=1)
-    if outcomes[0].status not in ("ran", "reused"):
-        print_outcomes(outcomes, explain=False)
-        return 1
-    record = Record.load(out / pairs[0].name / f"{first}.json")
-    from trexton.companion.experiments.assessment import finding
-
-    print(finding(record), flush=True)
-    doubts = [f"{flight.name}: {doubt}" for flight in pair for doubt in warnings(flight)]
-    for doubt in doubts:
-        print(f"warning  {doubt}")
-    if not arguments.no_book:
-        outcomes += run_experiments(pairs, out, only=others)
+    check_out(out, pairs)
+    doubts: list[str] = []
+    verdict = Thread(target=_say, args=(pair, chosen, doubts), daemon=True)
+    verdict.start()
+    if arguments.no_book:
+        verdict.join()
+    # The pages are made beside the verdict; its own waits for what it keeps.
+    pages = (VERDICT,) if arguments.no_book else (*PAGES, VERDICT)
+    settings = {f"{VERDICT}.methods": arguments.methods}
+    outcomes = run_experiments(pairs, out, only=pages, settings=settings)
+    verdict.join()
     print_outcomes(outcomes, explain=False)
+    if not any(outcome.good for outcome in outcomes if outcome.experiment == VERDICT):
+        return 1
+    record = Record.load(out / pairs[0].name / f"{VERDICT}.json")
     player = f"{pairs[0].name}/mocap_training-player.html"
     player = player if (out / player).is_file() else ""
     page = write_report(record, out / "report.html", player, arguments.flight, doubts)
@@ -53,3 +57,15 @@ def run(arguments: argparse.Namespace) -> int:
 
         print(build_small_book(pairs, outcomes, out))
     return 0
+
+
+def _say(pair: tuple[Any, Any], parameters: Any, doubts: list[str]) -> None:
+    """The verdict, then the `doubts` about both flights, which are collected."""
+    from trexton.companion.experiments.assessment import finding, run
+    from trexton.flights.plausibility import warnings
+
+    with suppress(TrextonError):  # which its page names too
+        print(finding(run(*pair, parameters)), flush=True)
+    for doubt in (f"{flight.name}: {doubt}" for flight in pair for doubt in warnings(flight)):
+        print(f"warning  {doubt}")
+        doubts.append(doubt)
