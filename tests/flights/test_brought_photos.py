@@ -31,6 +31,8 @@ def photo(path: Path, i: int, latitude=47.0, longitude=8.0, **how) -> None:
     details[0x9003] = how.get("time", f"2024:05:01 10:00:{i:02d}")
     if "subsec" in how:
         details[0x9291] = how["subsec"]
+    if "zone" in how:
+        details[0x9011] = how["zone"]
     xmp = {"xmp": how["xmp"]} if "xmp" in how else {}
     Image.fromarray(picture(i)).save(path, "JPEG", exif=exif, **xmp)
 
@@ -140,6 +142,23 @@ def test_times_of_photographs(tmp_path):
     flight, _ = import_flight(folder, tmp_path / "burst")
     np.testing.assert_allclose(flight.time, np.arange(9) / 3, atol=1e-6)
     assert (np.diff(flight.position[:, 1]) > 0).all()
+
+
+def test_photographs_of_two_time_zones_are_joined_in_utc(tmp_path):
+    source = photos(tmp_path / "p", time="")
+    for i in range(6):
+        zone, hour = ("+02:00", 12) if i % 2 else ("-05:30", 4)
+        time = f"2024:05:01 {hour:02}:{30 * (i % 2 == 0):02}:{i:02}"
+        photo(source / f"IMG_{i + 7}.jpg", i, 47 + i * 1e-5, time=time, subsec="250", zone=zone)
+    flight, said = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(flight.time, np.arange(6))
+    assert flight.notes[0] == "time zero is stamp 1714557600250000000 ns of the source"
+    assert not any("zone" in line for line in said)
+    photo(source / "IMG_8.jpg", 1, 47 + 1e-5, time="2024:05:01 10:00:01", subsec="25")
+    again, said = import_flight(source, tmp_path / "again")
+    np.testing.assert_allclose(again.time, np.arange(6))
+    assert any("1 of 6 photographs tell no time zone: their times are taken as UTC" in line
+               for line in said)  # fmt: skip
 
 
 @pytest.mark.parametrize("time", ["2024:05:01 10:00:60", "yesterday", "    :  :     :  :  "])

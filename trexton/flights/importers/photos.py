@@ -77,19 +77,21 @@ def read(source: Path, settings: Settings) -> Recording:
     named = bool(settings.positions) or path.parent == source and path.is_file()
     if settings.positions and (log := read_log(path)) is not None:
         track, words = log.ordered(str(path))
-        stamps = _stamps(files)
+        shots = {file: read_shot(file) for file in files}
+        words += _zones(shots, 0)
+        stamps = _stamps(shots)
     elif settings.positions and (posed := _read_reconstruction(path)) is not None:
         names, poses, words = posed
         rows = _by_name(path, names, files)
         known = list(rows)
         words += _left_out(len(files) - len(known))
-        stamps = _stamps(known)
+        stamps = _stamps({file: read_shot(file) for file in known})
         track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
     else:
         shots = _from_table(path, files) if named else {file: read_shot(file) for file in files}
         known, words = _located(source, path if named else None, files, shots)
         track, words_of_heights = _track([shots[file] for file in known], settings.ground)
-        words += words_of_heights
+        words += words_of_heights + _zones({file: shots[file] for file in known}, 1)
         stamps = track.time_ns
     return Recording(
         stamps, track, ImageFiles(tuple(known)), source=f"photographs of {source.name}",
@@ -99,6 +101,17 @@ def read(source: Path, settings: Settings) -> Recording:
 
 def _left_out(count: int) -> list[str]:
     return [f"photographs without a position, left out: {count}"] * bool(count)
+
+
+def _zones(shots: dict[Path, Shot], fewest: int) -> list[str]:
+    """A sentence where some tell no time zone, beside at least so many that do."""
+    untold = sum(not shot.zoned for shot in shots.values())
+    if not untold or len(shots) - untold < fewest:
+        return []
+    return [
+        f"{untold} of {len(shots)} photographs tell no time zone: their times are taken as UTC, "
+        "give them EXIF's OffsetTimeOriginal where they are not"
+    ]
 
 
 def _located(
@@ -221,6 +234,7 @@ def _from_table(path: Path, files: list[Path]) -> dict[Path, Shot]:
             shots[file], latitude=latitude[row], longitude=longitude[row], altitude=altitude[row],
             time_ns=time_of(path, taken[row]) if taken else
             shots[file].time_ns if timed else row * NANO,
+            zoned=taken is not None or shots[file].zoned,
         )
         for file, row in rows.items()
     }  # fmt: skip
@@ -236,10 +250,12 @@ def _of_exiftool(text: str) -> str:
     return str(sign * (float(degrees) + float(minutes or 0) / 60 + float(seconds or 0) / 3600))
 
 
-def _stamps(files: list[Path]) -> np.ndarray:
-    taken = [read_shot(file).time_ns for file in files]
+def _stamps(shots: dict[Path, Shot]) -> np.ndarray:
+    taken = [shot.time_ns for shot in shots.values()]
     if any(taken) and not all(taken):
-        raise FlightError(f"{files[taken.index(0)]}: no time can be read in its EXIF: leave it out")
+        raise FlightError(
+            f"{list(shots)[taken.index(0)]}: no time can be read in its EXIF: leave it out"
+        )
     return _by_the_second(taken)
 
 
