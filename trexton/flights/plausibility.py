@@ -10,12 +10,13 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.importers import axes
-from trexton.flights.tracking import SET_BACK, Doubt, count_of, lost_rows, ranges, without_positions
+from trexton.flights.tracking import SET_BACK, Doubt, count_of, tracking_doubts
 from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 FAST, MAX_TURN = 15.0, 6.0  # m/s, or heights a second, from where turns of so many m/s^2 are none
+PACE, MOVES = 0.5, 0.1  # seconds of a step; share of a fast one from where a vehicle moves
 MAX_MEDIAN_INTERVAL, SHORTEST = 30.0, 1e-4  # seconds between frames
 USUAL = 0.7, 4.0  # metres a second, and metres from wall to wall
 SLOW = 3.0, 0.02  # seconds between frames and metres a second that hardly come together
@@ -77,28 +78,16 @@ def _outside(flight: Flight) -> Iterator[str]:
     yield f"{found}: correct them, or widen area_m"
 
 
-def _tracking(flight: Flight) -> Iterator[str]:
-    columns = (flight.position, flight.height, flight.attitude)
-    pose = np.column_stack([each for each in columns if each is not None])
-    for how, rows, sure in lost_rows(flight.time, pose):
-        frames = ranges(flight.frame[rows])
-        if not sure:
-            yield f"{how} (frames {frames}): stamps of another unit, or several recordings?"
-            continue
-        what = "position lies" if len(rows) == 1 else "positions lie"
-        yield Doubt(
-            f"{len(rows)} {what} {how} (frames {frames}): was tracking lost? leave x_m and y_m of "
-            "these frames empty",
-            f"{count_of(len(rows), 'position')} left empty, {how} (frames {frames})",
-            without_positions(rows),
-        )
-
-
 def _median_speed(flight: Flight) -> float:
-    """Metres a second; NaN where too few places are known, or stamps are of another unit."""
-    steps, gaps = (np.diff(each[flight.located], axis=0) for each in (flight.position, flight.time))
-    timed = len(gaps) > 1 and np.median(gaps) >= SHORTEST
-    return float(np.median(np.hypot(*steps.T) / gaps)) if timed else np.nan
+    """Metres a second while the vehicle moves; NaN where too few places are known, or stamps are of
+    another unit. A hover adds the noise of its positions, which counts for little over `PACE`.
+    """
+    place, time = flight.position[flight.located], flight.time[flight.located]
+    if len(time) < 3 or (gap := np.median(np.diff(time))) < SHORTEST:
+        return np.nan
+    every = int(np.clip(PACE / gap, 1, (len(time) - 1) // 2))
+    steps = np.hypot(*(place[every:] - place[:-every]).T) / (time[every:] - time[:-every])
+    return float(np.median(steps[steps >= MOVES * np.quantile(steps, 0.7)]))
 
 
 def _speed(flight: Flight) -> Iterator[str]:
@@ -113,8 +102,7 @@ def _speed(flight: Flight) -> Iterator[str]:
         usual = np.array((speed / USUAL[0], extent / USUAL[1]))
         unit, factor = min(_SMALLER, key=lambda each: np.abs(np.log(usual * each[1])).sum())
         yield Doubt(
-            f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "
-            "write metres and seconds",
+            f"the vehicle moves at {speed:.4g} m/s: positions in {unit}? write metres and seconds",
             f"positions and area read as {unit}",
             _scaled(factor, "position", "area"),
         )
@@ -138,13 +126,13 @@ def _heights(flight: Flight) -> Iterator[str]:
             "heights turned, z pointed down",
             _scaled(-1.0, "height"),
         )
-    elif flight.origin is None and usual > max(MAX_HEIGHT_RATIO * flight.diagonal, 10):
+    elif flight.origin is None and usual > max(MAX_HEIGHT_RATIO * flight.diagonal, 30):
         unit, factor = _SMALLER[usual <= 300]
         yield Doubt(
             f"the camera is {usual:.4g} m high in half of the frames, over an area of "
             f"{flight.diagonal:.3g} m from corner to corner: heights in {unit}? write metres",
             f"heights read as {unit}",
-            _scaled(factor, "height"),
+            _scaled(factor, "height") if flight.diagonal > 1 else None,  # else it may hover there
         )
 
 
@@ -245,8 +233,8 @@ def _stamps(flight: Flight) -> Iterator[str]:
         )
     elif gap > SLOW[0] and 0 < (speed := _median_speed(flight)) < SLOW[1]:
         yield (
-            f"frames come {gap:.3g} s apart and the vehicle moves at {speed:.2g} m/s in half of "
-            "them: stamps in milliseconds? write seconds"
+            f"frames come {gap:.3g} s apart and the vehicle moves at {speed:.2g} m/s: stamps in "
+            "milliseconds? write seconds"
         )
     elif gap < SHORTEST:
         said = f"frames come {gap:.2g} s apart: stamps in days? write seconds"
@@ -295,6 +283,6 @@ def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
 
 
 _CHECKS: tuple[Callable[[Flight], Iterator[str]], ...] = (
-    _outside, _tracking, _speed, _heights, _angles, _view, _turning, _extent,
+    _outside, tracking_doubts, _speed, _heights, _angles, _view, _turning, _extent,
     _stamps, _splits, _floor, _features,
 )  # fmt: skip

@@ -5,7 +5,7 @@ another body's place. `lost_rows` finds them by the flight's own speeds, and a m
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -232,3 +232,21 @@ def without_positions(rows: np.ndarray) -> Callable[[Flight], Flight]:
         return replace(flight, position=position, height=height, area=area)
 
     return mend
+
+
+def tracking_doubts(flight: Flight) -> Iterator[str]:
+    """What is lost in a flight, in words."""
+    columns = (flight.position, flight.height, flight.attitude)
+    pose = np.column_stack([each for each in columns if each is not None])
+    for how, rows, sure in lost_rows(flight.time, pose):
+        frames = ranges(flight.frame[rows])
+        if not sure:
+            yield f"{how} (frames {frames}): stamps of another unit, or several recordings?"
+            continue
+        what = "position lies" if len(rows) == 1 else "positions lie"
+        yield Doubt(
+            f"{len(rows)} {what} {how} (frames {frames}): was tracking lost? leave x_m and y_m of "
+            "these frames empty",
+            f"{count_of(len(rows), 'position')} left empty, {how} (frames {frames})",
+            without_positions(rows),
+        )
