@@ -384,3 +384,39 @@ def test_metres_of_gps_are_not_taken_for_centimetres():
     flight = replace(sound("circle", 3, 40), time=time, position=place, area=(-5, 25, -5, 55))
     assert any("centimetres" in doubt for doubt in warnings(flight))
     assert not warnings(replace(flight, origin=(47.0, 8.0)))
+
+
+@pytest.mark.parametrize("share", [0.25, 0.3, 0.34])
+@pytest.mark.parametrize("how", ["one place", "anywhere", "another body"])
+def test_rows_lost_one_by_one_are_found_where_they_are_many(share, how):
+    rng, time = np.random.default_rng(5), np.arange(900) / 30
+    place = round_(time, rng) + 0.001 * rng.standard_normal((900, 2))
+    lost = rng.random(900) < share
+    shown = {"one place": np.full((900, 2), (4.0, -3.0)), "anywhere": rng.uniform(-6, 6, (900, 2)),
+             "another body": 2 * round_(-time, rng)}[how]  # fmt: skip
+    place[lost] = shown[lost]
+    found = lost_rows(time, place)
+    rows = np.concatenate([rows for _, rows, _ in found])
+    assert all(sure for *_, sure in found)
+    assert lost[rows].mean() > 0.97 and len(rows) > 0.97 * lost.sum()
+
+
+@pytest.mark.parametrize("rate", [10.0, 100.0])
+@pytest.mark.parametrize("noise", [0.0002, 0.0005, 0.002])
+def test_a_hover_tells_no_unit_by_the_noise_of_its_positions(rate, noise):
+    rng, time = np.random.default_rng(2), np.arange(0, 60, 1 / rate)
+    place = round_(np.minimum(time, 25.0), rng) + noise * rng.standard_normal((len(time), 2))
+
+    def flown(factor: float, rows: slice = slice(None)) -> list[str]:
+        count = len(time[rows])
+        positions = factor * place[rows]
+        flight = Flight(
+            name="hover", frame=np.arange(count), time=time[rows], position=positions,
+            area=area_around(positions, 0.02, 0.01), histograms=np.eye(3)[np.arange(count) % 3],
+            height=np.full(count, 12.0),
+        )  # fmt: skip
+        return [each for each in warnings(flight) if "stood still" not in each]
+
+    assert not flown(1) and not flown(1, slice(-len(time) // 2, None))
+    assert [each.done for each in flown(1000)] == ["positions and area read as millimetres"]
+    assert [each.done for each in flown(100)] == ["positions and area read as centimetres"]

@@ -18,6 +18,8 @@ JUMP = 4.0  # times the top sustained speed: no vehicle goes from one row to the
 FROZEN, STILL = 3, 0.01  # equal rows in sequence; a step of this share of the usual is none
 LEAVES = 2.0  # times the top sustained speed by which a frozen pose is left
 LONGEST = 0.3  # of the rows: where more seem lost it is the flight that jumps
+NEAR = 0.25  # of how far rows lie away: so near the way goes on where they are lost
+MANY, AROUND = 0.4, 15  # of the rows, where each is lost for itself; rows that show the others
 SMALLEST = 0.05  # metres: what is nearer is noise
 MOST_PIECES = 1000  # between jumps, back to which a way is looked for
 SET_BACK = "was a clock set back?"  # in what is said of one, for the check to find
@@ -58,14 +60,14 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
     top = _top_speed(time, position)
     if not top > 0:
         return []
-    zero = _zeros(time, position, JUMP * top)
-    frozen = _frozen(time, position, top) & ~zero
-    kept = np.flatnonzero(~(frozen | zero))
-    flown = np.zeros(len(rows), dtype=bool)
-    flown[kept[_longest_chain(time[kept], position[kept], JUMP * top)]] = True
+    (zero, frozen, flown), longest = _parted(time, position, top), LONGEST
+    if (slow := _slow_top_speed(time, position)) < top / 2:  # many are lost one by one, perhaps
+        other = _parted(time, position, slow)
+        if _returns(position, other[2]):
+            (zero, frozen, flown), top, longest = other, slow, MANY
     jumped = ~(flown | frozen | zero)
     found: list[Lost] = []
-    if jumped.mean() > LONGEST:
+    if jumped.mean() > longest:
         said = f"{jumped.sum()} of {len(rows)} positions cannot be flown to from the others"
         said += f", at {JUMP:g} times the top speed of {top:.2g} m/s"
         return [(said, rows[jumped], False)]
@@ -109,6 +111,48 @@ def counted_on(time: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndar
     for row in back:
         time[row:] += np.median(gaps[gaps > 0]).astype(time.dtype) - gaps[row - 1]
     return time, back
+
+
+def _parted(
+    time: np.ndarray, position: np.ndarray, top: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The rows at (0, 0), the frozen ones, and those that can have been flown, as masks."""
+    zero = _zeros(time, position, JUMP * top)
+    frozen = _frozen(time, position, top) & ~zero
+    kept = np.flatnonzero(~(frozen | zero))
+    flown = np.zeros(len(time), dtype=bool)
+    flown[kept[_longest_chain(time[kept], position[kept], JUMP * top)]] = True
+    return zero, frozen, flown
+
+
+def _returns(position: np.ndarray, flown: np.ndarray) -> bool:
+    """Whether the way goes on near where it was before the other rows, which lie far from both: who
+    flies fast, or is measured badly, does not come back like that.
+    """
+    others, kept = np.flatnonzero(~flown), np.flatnonzero(flown)
+    after = np.searchsorted(kept, others)
+    within = (after > 0) & (after < len(kept))
+    others, after = others[within], after[within]
+    before, after = position[kept[after - 1]], position[kept[after]]
+    apart = np.hypot(*(position[others] - (before + after) / 2).T)
+    ways = np.hypot(*(after - before).T)
+    return len(others) > 0 and bool(np.quantile(ways / np.maximum(apart, 1e-9), 0.85) < NEAR)
+
+
+def _slow_top_speed(time: np.ndarray, position: np.ndarray) -> float:
+    """The top speed where up to a half of the rows may be lost, each for itself: of each row to the
+    nearest in time that suits it best, and of a third of the rows around.
+    """
+    if len(time) < 2 * AROUND:
+        return np.inf
+    speeds = np.full(len(time), np.inf)
+    for apart in range(1, WINDOW):
+        moved = np.hypot(*(position[apart:] - position[:-apart]).T)
+        speed = moved / (time[apart:] - time[:-apart])
+        speeds[apart:] = np.minimum(speeds[apart:], speed)
+        speeds[:-apart] = np.minimum(speeds[:-apart], speed)
+    around = np.lib.stride_tricks.sliding_window_view(speeds, AROUND)
+    return float(np.quantile(np.quantile(around, 0.35, axis=1), 0.95))
 
 
 def _top_speed(time: np.ndarray, position: np.ndarray) -> float:
