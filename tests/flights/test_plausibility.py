@@ -386,7 +386,7 @@ def test_metres_of_gps_are_not_taken_for_centimetres():
     assert not warnings(replace(flight, origin=(47.0, 8.0)))
 
 
-@pytest.mark.parametrize("share", [0.25, 0.3, 0.34])
+@pytest.mark.parametrize("share", [0.25, 0.3, 0.36])
 @pytest.mark.parametrize("how", ["one place", "anywhere", "another body"])
 def test_rows_lost_one_by_one_are_found_where_they_are_many(share, how):
     rng, time = np.random.default_rng(5), np.arange(900) / 30

@@ -60,14 +60,14 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
     top = _top_speed(time, position)
     if not top > 0:
         return []
-    (zero, frozen, flown), longest = _parted(time, position, top), LONGEST
+    zero, frozen, flown = _parted(time, position, top)
     if (slow := _slow_top_speed(time, position)) < top / 2:  # many are lost one by one, perhaps
         other = _parted(time, position, slow)
         if _returns(position, other[2]):
-            (zero, frozen, flown), top, longest = other, slow, MANY
+            (zero, frozen, flown), top = other, slow
     jumped = ~(flown | frozen | zero)
     found: list[Lost] = []
-    if jumped.mean() > longest:
+    if jumped.mean() > LONGEST and (jumped.mean() > MANY or not _returns(position, flown)):
         said = f"{jumped.sum()} of {len(rows)} positions cannot be flown to from the others"
         said += f", at {JUMP:g} times the top speed of {top:.2g} m/s"
         return [(said, rows[jumped], False)]
