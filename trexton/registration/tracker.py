@@ -120,7 +120,10 @@ class FloorTracker:
         self._weigh(seen, None if self._missed else self.belief.support(_MARGIN))
         fix, best = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least and self._missed == 0:
-            self.belief.reset(prior.headings, kept=_KEPT)
+            # Where the last frame seemed to be is no witness of the heading, if that was in doubt.
+            doubted = self._last is not None and self._last.lost and not prior.turned
+            headings = ALL_HEADINGS if doubted else prior.headings
+            self.belief.reset(headings, kept=_KEPT)
             self._weigh(seen)
             fix, best = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least:
