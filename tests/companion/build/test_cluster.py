@@ -155,15 +155,15 @@ def pem(tmp_path):
 
 
 def test_a_cluster_is_reached_with_tls(tmp_path, pem, flight):
-    """Dask's own settings name the files."""
+    """The verb names the files."""
+    kinds = ("--tls-ca", "--tls-cert", "--tls-key")
     options = [
-        word
-        for kind, file in zip(("--tls-ca-file", "--tls-cert", "--tls-key"), pem, strict=True)
-        for word in (kind, file)
+        word for kind, file in zip(kinds, pem, strict=True) for word in (f"{kind}-file", file)
     ]
+    options = [word.replace("-cert-file", "-cert").replace("-key-file", "-key") for word in options]
+    named = [word for kind, file in zip(kinds, pem, strict=True) for word in (kind, file)]
     read = [f"distributed.comm.tls.{key}" for key in ("ca-file", "client.cert", "client.key")]
-    named = dict(zip(read, pem, strict=True))
-    with dask.config.set(named):
+    with dask.config.set(dict(zip(read, pem, strict=True))):
         cluster = Cluster(tmp_path, workers=1, options=options).__enter__()
     try:
         address = cluster.address
@@ -172,11 +172,21 @@ def test_a_cluster_is_reached_with_tls(tmp_path, pem, flight):
             "[set]\nparticles = 5\nrepeats = 1\nneighbors = 2\n"
         )
         words = ["sweep", str(tmp_path / "plan.toml"), "--quiet", "--cluster", address]
-        with pytest.raises(ParameterError, match="Dask's settings name no files of TLS"):
+        with pytest.raises(ParameterError, match="name --tls-ca, --tls-cert and --tls-key"):
             connect(address)
-        with dask.config.set(named):
-            assert main([*words, "--out", str(tmp_path / "out")]) == 0
+        assert main([*words, "--out", str(tmp_path / "out"), *named]) == 0
     finally:
         cluster.__exit__()
     assert address.startswith("tls://")
     assert len(list((tmp_path / "out" / "cells" / "small").iterdir())) == 1
+
+
+def test_files_of_tls_are_for_an_address_of_tls_and_there(tmp_path, flight, capsys):
+    (tmp_path / "plan.toml").write_text("")
+    words = ["sweep", str(tmp_path / "plan.toml"), "--out", str(tmp_path / "out")]
+    words += ["--cluster", "tcp://127.0.0.1:1"]
+    assert main([*words, "--tls-ca", __file__]) == 1
+    assert "expected an address tls://HOST:PORT" in capsys.readouterr().err
+    assert main([*words, "--tls-ca", str(tmp_path / "none")]) == 1
+    assert "none: no such file" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -117,10 +117,7 @@ def connect(address: str) -> Any:
     try:
         scheme, place = parse_address(address)
         if scheme == "tls" and not Security().get_connection_args("client").get("ssl_context"):
-            raise ParameterError(
-                f"{address}: Dask's settings name no files of TLS: give ca-file, client.cert and "
-                "client.key below distributed.comm.tls"
-            )
+            raise ParameterError(f"{address}: name --tls-ca, --tls-cert and --tls-key")
         get_backend(scheme)  # a client of an unknown one takes minutes to close
         # Where nothing listens it is known at once. A scheduler greets whoever comes: a client of
         # something else, such as a web server, would wait for that for ever.
