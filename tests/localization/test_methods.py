@@ -23,7 +23,7 @@ from trexton.localization.methods import (
     parse_choices,
 )
 from trexton.localization.motion import RandomWalk
-from trexton.localization.neighbors import Distance, Euclidean, Hellinger, NearestHistograms
+from trexton.localization.neighbors import Euclidean, Hellinger, NearestHistograms
 from trexton.localization.training import for_method, train_map, with_choices
 from trexton.localization.training_set import training_set
 
@@ -39,15 +39,6 @@ class Cosine(Euclidean):
     def features(self, histograms):
         length = np.linalg.norm(histograms, axis=-1, keepdims=True)
         return (histograms / length) ** self.power
-
-
-class ChiSquare(Distance):
-    """Half the sum of (a - b)^2 / (a + b): values alone, of no features."""
-
-    def between(self, queries, rows):
-        offset, total = np.square(queries[:, None] - rows), queries[:, None] + rows
-        shares = np.divide(offset, total, out=np.zeros_like(offset), where=total > 0)
-        return 0.5 * shares.sum(axis=-1)
 
 
 OWN = f"{__name__}:Cosine"
@@ -211,7 +202,7 @@ def test_a_choice_that_nothing_reads_or_that_does_not_fit_is_refused(method, cho
         train_map(flight, method=method, rng=np.random.default_rng(1), **choices)
 
 
-def test_a_distance_of_values_alone_serves_training_and_flight():
+def test_chi_square_is_the_plain_formula_in_training_and_in_flight():
     rng = np.random.default_rng(5)
     rows, query = rng.dirichlet(np.ones(8), 40), rng.dirichlet(np.ones(8))
     rows[:, 2] = query[2] = 0
@@ -219,13 +210,13 @@ def test_a_distance_of_values_alone_serves_training_and_flight():
         sum((a - b) ** 2 / (a + b) for a, b in zip(query, row, strict=True) if a + b) / 2
         for row in rows
     ]
-    distance = ChiSquare()
+    distance = make("distance", "chi-square")
     np.testing.assert_allclose(distance.between(query[None], rows)[0], plain, rtol=1e-12)
     nearest = NearestHistograms(rows, rng.uniform(size=(40, 2)), k=4, distance=distance)
     found = nearest.query(query)
     np.testing.assert_array_equal(found.index, np.argsort(plain)[:4])
     np.testing.assert_allclose(found.distance, np.sort(plain)[:4], rtol=1e-12)
-    assert not np.array_equal(flown(trained(distance=f"{__name__}:ChiSquare")), flown(trained()))
+    assert not np.array_equal(flown(trained(distance="chi-square")), flown(trained()))
 
 
 def test_words_of_a_command_line():

@@ -8,6 +8,7 @@ import pytest
 from trexton.base.errors import MapError, ParameterError
 from trexton.companion.experiments.sweeps import TreeSearch
 from trexton.localization.neighbors import (
+    ChiSquare,
     Hellinger,
     NearestHistograms,
     neighbors_in_flight,
@@ -112,3 +113,9 @@ def test_hellinger_tells_values_below_zero_apart():
     features = Hellinger().features
     np.testing.assert_array_equal(features(above), [0.5, 0.25])
     np.testing.assert_array_equal(features(below), [-0.5, -0.25])
+
+
+def test_chi_square_is_half_the_sum_over_what_either_has():
+    queries, rows = np.array([[0.5, 0.0, 0.25]]), np.array([[0.25, 0.0, 0.75], [0.0, 0.0, 0.25]])
+    expected = [0.5 * (0.25**2 / 0.75 + 0.5**2 / 1.0), 0.5 * 0.5**2 / 0.5]
+    np.testing.assert_allclose(ChiSquare().between(queries, rows), [expected])

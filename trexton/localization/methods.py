@@ -18,6 +18,7 @@ ROLES: dict[str, dict[str, str]] = {
     "distance": {
         "euclidean": "trexton.localization.neighbors:Euclidean",
         "hellinger": "trexton.localization.neighbors:Hellinger",
+        "chi-square": "trexton.localization.neighbors:ChiSquare",
     },
     "appearance": {
         "none": "trexton.field.appearance:AsSurveyed",
