@@ -21,7 +21,7 @@ from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.make import build_small_book, prepare_flights
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.prose import context, public_names, render
-from trexton.companion.build.sources import Contents, stage
+from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.folder import read_flight
 from trexton.flights.writing import write_flight
@@ -282,6 +282,27 @@ def test_every_page_offers_the_notebooks_records_and_figures_of_its_experiments(
         figures = path.parent.glob(f"{path.stem}-*.svg")
         names = {f"{path.parent.name}/{file.name}" for file in (path, *figures)}
         assert not names - hrefs, f"no page offers {names - hrefs}"
+
+
+def test_old_addresses_lead_to_the_pages_that_took_their_place(results, tmp_path):
+    pairs, outcomes, folder = results
+    outcomes = [*outcomes, Outcome("small", "rooms", "ran")]
+    (folder / "small" / "rooms.ipynb").write_text(
+        (folder / "small" / "mocap_training.ipynb").read_text()
+    )
+    html = tmp_path / "html"
+    (html / "cyberzoo").mkdir(parents=True)
+    (html / "trust.html").write_text("a page")
+    book = Contents(ROOT / "book", folder, pairs, outcomes)
+    lead_from_old_addresses(book, html)
+    for old, new in (
+        ("data", "your_flight.html"),
+        ("sim-survey/mocap_training", "../mocap_training.html#mocap-training"),
+        ("cyberzoo/light", "../rooms.html"),
+    ):
+        assert f'content="0; url={new}"' in (html / f"{old}.html").read_text()
+    assert not (html / "cyberzoo" / "mosaic.html").exists()  # which this book has not
+    assert (html / "trust.html").read_text() == "a page"
 
 
 # --- the page on the library

@@ -23,7 +23,7 @@ from trexton.companion.build.notebooks import inputs_of, outputs_of
 from trexton.companion.build.plan import run_experiments, sole_writer
 from trexton.companion.build.postprocessing import finish_book
 from trexton.companion.build.prose import findings, records_by_name, renewed_readme
-from trexton.companion.build.sources import Contents, stage
+from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
 from trexton.flights.folder import read_flight
 from trexton.flights.registry import fetch, registry
 
@@ -146,6 +146,7 @@ def _build(contents: Contents, html: Path) -> str:
         built = _jupyter_book(source, work)
         _put_beside(contents, built)
         finish_book(built)
+        lead_from_old_addresses(contents, built)
         put_in_place(built, html)
     write_file(stamp, key)
     return f"book: built ({html / 'index.html'})"

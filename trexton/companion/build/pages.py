@@ -23,6 +23,11 @@ _PLAYER = re.compile(r'(?<=src=")(?=\w+-player\.html")')
 _OTHER_DATA = {"senses": "Walks with a radio beacon (real)"}  # than the flight of the record
 
 
+def label_of(experiment: str) -> str:
+    """The identifier of the heading of an experiment."""
+    return experiment.replace("_", "-")
+
+
 def joined(
     notebooks: Mapping[str, Mapping[str, nbformat.NotebookNode]],
     see: Callable[[str, str], str],

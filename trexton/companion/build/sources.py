@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from trexton.base.errors import DataError
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.notebooks import outputs_of
-from trexton.companion.build.pages import figure_names, joined
+from trexton.companion.build.pages import figure_names, joined, label_of
 from trexton.companion.build.prose import FLIGHTS, context, records_by_name, render
 from trexton.companion.experiments.registry import EXPERIMENTS
 
@@ -193,3 +194,27 @@ def _names(contents: Contents) -> dict[str, Any]:
 
 def _title(name: str) -> str:
     return EXPERIMENTS[name].title if name in EXPERIMENTS else name
+
+
+def lead_from_old_addresses(contents: Contents, html: Path) -> None:
+    """Small pages where others once stood: one a flight and experiment, and those of ``moved``."""
+    moved = {
+        f"*/{name}": f"{page}.html#{label_of(name)}"
+        for page, experiments in contents.pages.items()
+        for name in experiments
+    }
+    for old, page in contents.toc.get("moved", {}).items():
+        moved.setdefault(old, f"{page}.html")
+    for old, new in moved.items():
+        for flight in FLIGHTS if old.startswith("*") else [""]:
+            path = html / f"{old.replace('*', flight)}.html"
+            if new.partition("#")[0].removesuffix(".html") in contents.pages and not path.exists():
+                path.parent.mkdir(exist_ok=True)
+                target = escape("../" * old.count("/") + new)
+                path.write_text(
+                    '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
+                    f'<meta http-equiv="refresh" content="0; url={target}"><title>Moved</title>'
+                    f'</head><body><p>This page is <a href="{target}">here</a> now.</p></body>'
+                    "</html>\n",
+                    encoding="utf-8",
+                )
