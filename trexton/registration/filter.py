@@ -73,6 +73,11 @@ class Registration(Filter):
                 "method fine learns from the frames of a flight: choose it when training, as in "
                 "trexton train FLIGHT --method fine"
             )
+        if not flight.has_images:
+            raise MapError(
+                "method fine needs images, and this training set has none: "
+                "train on a flight with images"
+            )
         picture, lens = _surroundings(flight)
         camera, height = camera_of(lens)
         ground = Ground.from_map(picture, fine_cell(camera, height))
@@ -116,6 +121,8 @@ class Registration(Filter):
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator
     ) -> RunningRegistration:
+        if self.floor is None:
+            raise MapError("method fine has no picture of the floor: train the map for it")
         return RunningRegistration(
             self.tracker(texton_map.period_s), texton_map.area, texton_map.period_s
         )
