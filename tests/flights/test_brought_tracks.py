@@ -132,6 +132,21 @@ def test_subtitles_beside_a_video_and_an_end_that_is_missing(tmp_path):
     assert flight.height[0] == 10 and flight.origin is not None
 
 
+def test_frames_of_a_video_that_are_damaged_are_left_out(tmp_path):
+    path = film(tmp_path / "f.avi", [picture(i, (160, 120)) for i in range(12)])
+    data = path.read_bytes()
+    begins = [found.start() for found in re.finditer(rb"\xff\xd8\xff", data)]
+    middle = (begins[5] + begins[6]) // 2
+    path.write_bytes(data[:middle] + bytes(400) + data[middle + 400 :])
+    rows = [f"{i / 20},{place(i)[0]},{place(i)[1]}" for i in range(12)]
+    (tmp_path / "t.csv").write_text("\n".join(["t,x,y", *rows]))
+    settings = {"positions": "t.csv", "offset": "0"}
+    flight, said = import_flight(path, tmp_path / "out", settings=settings)
+    assert any("damaged frames, left out: 1 (first: number 6, at 0.25 s)" in line for line in said)
+    np.testing.assert_allclose(flight.time, np.delete(np.arange(12), 5) / 20)
+    np.testing.assert_allclose(flight.position, [place(i) for i in range(12) if i != 5], atol=1e-6)
+
+
 def test_a_log_of_ardupilot(tmp_path):
     (tmp_path / "1.bin").write_bytes(ardupilot_log())
     track, _ = read_track(tmp_path / "1.bin", TrackColumns())

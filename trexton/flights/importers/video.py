@@ -11,6 +11,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
 from trexton.base.options import option
+from trexton.base.pictures import damage
 from trexton.base.progress import progress
 from trexton.flights.frames import Forward
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside, nanoseconds
@@ -74,7 +75,11 @@ def read(source: Path, settings: Settings) -> Recording:
                 f"{source}: {said}: not sure enough, the images do not move as the positions do: "
                 "give it, --offset SECONDS"
             )
-    rows = np.arange(0, len(stamps), settings.every)
+    damaged = _damaged(source)
+    if damaged:
+        first = f"number {damaged[0] + 1}, at {stamps[damaged[0]]:.2f} s"
+        cut.append(f"{source}: damaged frames, left out: {len(damaged)} (first: {first})")
+    rows = np.setdiff1d(np.arange(len(stamps)), damaged)[:: settings.every]
     return Recording(
         nanoseconds(stamps[rows]), track.shifted(-offset),
         Forward(source, rows, lambda: _stamped(source), lambda item: item[1]),
@@ -152,6 +157,24 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
         ]
     motion = np.array(moved) / np.maximum(np.diff(stamps, prepend=stamps[0] - 1), 1e-3)
     return stamps - stamps[0], motion, cut
+
+
+def _damaged(video: Path) -> list[int]:
+    """The frames of a video of JPEGs that are damaged, of which decoders fill the rest with grey;
+    other codecs do not tell.
+    """
+    capture = cv2.VideoCapture(str(video))
+    code = int(capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
+    damaged = []
+    if code.to_bytes(4, "little").upper() in (b"MJPG", b"JPEG"):
+        capture.set(cv2.CAP_PROP_FORMAT, -1)  # bytes as they are
+        number = 0
+        while (got := capture.read())[0]:
+            if damage(got[1].tobytes()):
+                damaged.append(number)
+            number += 1
+    capture.release()
+    return damaged
 
 
 def _stamped(video: Path) -> Iterator[tuple[float, np.ndarray]]:
