@@ -420,3 +420,16 @@ def test_a_hover_tells_no_unit_by_the_noise_of_its_positions(rate, noise):
     assert not flown(1) and not flown(1, slice(-len(time) // 2, None))
     assert [each.done for each in flown(1000)] == ["positions and area read as millimetres"]
     assert [each.done for each in flown(100)] == ["positions and area read as centimetres"]
+
+
+def test_lost_rows_are_no_speed():
+    """A logger writes -999 where it has no position."""
+    time = np.arange(240) / 10
+    place = round_(time, np.random.default_rng(0))
+    place[::6] = -999.0
+    flight = Flight(
+        name="lost", frame=np.arange(240), time=time, position=place, area=area_around(place),
+        histograms=np.eye(3)[np.arange(240) % 3],
+    )  # fmt: skip
+    (only,) = warnings(flight)
+    assert "40 positions lie where none can be flown to" in only

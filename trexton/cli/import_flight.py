@@ -79,11 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     if not arguments.out:
         raise ParameterError("name the folder to write with --out, or say --dry-run")
-    out = arguments.out
     flight, remarks = import_flight(
-        source, out, kind=chosen, settings=settings, replaced=arguments.replace
+        source, arguments.out, kind=chosen, settings=settings, replaced=arguments.replace
     )
     seconds = flight.time[-1] - flight.time[0]
-    said = f"{out}: {len(flight)} frames, {seconds:.1f} s; next: trexton check {out}"
-    say("\n".join([*remarks, said]))
+    said = f"{len(flight)} frames, {seconds:.1f} s; next: trexton check {arguments.out}"
+    say("\n".join([*remarks, f"{arguments.out}: {said}"]))
     return 0

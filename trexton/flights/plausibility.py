@@ -10,7 +10,7 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.importers import axes
-from trexton.flights.tracking import SET_BACK, Doubt, count_of, tracking_doubts
+from trexton.flights.tracking import SET_BACK, Doubt, count_of, lost_rows, tracking_doubts
 from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
 
@@ -82,7 +82,10 @@ def _median_speed(flight: Flight) -> float:
     """Metres a second while the vehicle moves; NaN where too few places are known, or stamps are of
     another unit. A hover adds the noise of its positions, which counts for little over `PACE`.
     """
-    place, time = flight.position[flight.located], flight.time[flight.located]
+    flown = flight.located
+    for _, rows, sure in lost_rows(flight.time, flight.position):
+        flown[rows] &= not sure
+    place, time = flight.position[flown], flight.time[flown]
     if len(time) < 3 or (gap := np.median(np.diff(time))) < SHORTEST:
         return np.nan
     every = int(np.clip(PACE / gap, 1, (len(time) - 1) // 2))

@@ -80,8 +80,9 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
                 (f"{how}, up to {apart:.4g} m from those before and after", rows[chosen], True)
             )
     if frozen.any():
-        how = "at one place to the last digit while the vehicle flew on"
-        found.append((how, rows[frozen], True))
+        found.append(
+            ("at one place to the last digit while the vehicle flew on", rows[frozen], True)
+        )
     return found
 
 
@@ -113,16 +114,13 @@ def counted_on(time: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndar
     return time, back
 
 
-def _parted(
-    time: np.ndarray, position: np.ndarray, top: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _parted(time: np.ndarray, position: np.ndarray, top: float) -> list[np.ndarray]:
     """The rows at (0, 0), the frozen ones, and those that can have been flown, as masks."""
     zero = _zeros(time, position, JUMP * top)
     frozen = _frozen(time, position, top) & ~zero
     kept = np.flatnonzero(~(frozen | zero))
-    flown = np.zeros(len(time), dtype=bool)
-    flown[kept[_longest_chain(time[kept], position[kept], JUMP * top)]] = True
-    return zero, frozen, flown
+    chain = kept[_longest_chain(time[kept], position[kept], JUMP * top)]
+    return [zero, frozen, np.isin(np.arange(len(time)), chain)]
 
 
 def _returns(position: np.ndarray, flown: np.ndarray) -> bool:
@@ -147,8 +145,7 @@ def _slow_top_speed(time: np.ndarray, position: np.ndarray) -> float:
         return np.inf
     speeds = np.full(len(time), np.inf)
     for apart in range(1, WINDOW):
-        moved = np.hypot(*(position[apart:] - position[:-apart]).T)
-        speed = moved / (time[apart:] - time[:-apart])
+        speed = np.hypot(*(position[apart:] - position[:-apart]).T) / (time[apart:] - time[:-apart])
         speeds[apart:] = np.minimum(speeds[apart:], speed)
         speeds[:-apart] = np.minimum(speeds[:-apart], speed)
     around = np.lib.stride_tricks.sliding_window_view(speeds, AROUND)

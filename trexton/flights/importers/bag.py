@@ -213,8 +213,7 @@ def _decoded(where: str, message: tuple[int, int, Any]) -> np.ndarray:
     if hasattr(item, "format"):
         image, found = decode(bytes(item.data)), damage(bytes(item.data))
         if image is None or found:
-            found = found or f"format {item.format!r}"
-            raise FlightError(f"{where} cannot be decoded: {found}")
+            raise FlightError(f"{where} cannot be decoded ({found or item.format})")
         return image
     if item.encoding.lower() not in _ENCODINGS:
         known = ", ".join(_ENCODINGS)

@@ -77,13 +77,12 @@ def read_shot(path: Path) -> Shot:
             gps, details = exif.get_ifd(_GPS), exif.get_ifd(_DETAILS)
     except (KeyError, TypeError, ValueError, OSError, Image.DecompressionBombError):
         return Shot()
-    taken, zoned = 0, False
+    taken, zone = 0, None
     for moment, part, offset in _TAKEN:
         known = next((table for table in (details, exif) if moment in table), None)
         if known is not None:
             text, digits = _text(known[moment]), re.match(r"\d+", _text(details.get(part, "")))
             zone = re.fullmatch(r"[-+]\d\d:?\d\d", _text(details.get(offset, "")))
-            zoned = zone is not None
             if len(text) == len("2013:06:04 13:37:29"):
                 text += (f".{digits[0]}" if digits else "") + (zone[0] if zone else "")
             with suppress(FlightError):  # no time: as if the camera had no clock
@@ -98,7 +97,7 @@ def read_shot(path: Path) -> Shot:
         latitude = longitude = altitude = np.nan
     values = _values(xmp if isinstance(xmp, bytes) else str(xmp).encode())
     height = next((values[name] for name in _HEIGHTS if name in values), np.nan)
-    return Shot(latitude, longitude, altitude, height, _attitude(values), taken, zoned)
+    return Shot(latitude, longitude, altitude, height, _attitude(values), taken, bool(zone))
 
 
 def _text(value: Any) -> str:

@@ -106,12 +106,11 @@ def _left_out(count: int) -> list[str]:
 def _zones(shots: dict[Path, Shot], fewest: int) -> list[str]:
     """A sentence where some tell no time zone, beside at least so many that do."""
     untold = sum(not shot.zoned for shot in shots.values())
-    if not untold or len(shots) - untold < fewest:
-        return []
-    return [
+    said = (
         f"{untold} of {len(shots)} photographs tell no time zone: their times are taken as UTC, "
         "give them EXIF's OffsetTimeOriginal where they are not"
-    ]
+    )
+    return [said] * (0 < untold <= len(shots) - fewest)
 
 
 def _located(

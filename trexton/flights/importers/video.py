@@ -165,16 +165,12 @@ def _damaged(video: Path) -> list[int]:
     """
     capture = cv2.VideoCapture(str(video))
     code = int(capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
-    damaged = []
+    damaged: list[bool] = []
     if code.to_bytes(4, "little").upper() in (b"MJPG", b"JPEG"):
         capture.set(cv2.CAP_PROP_FORMAT, -1)  # bytes as they are
-        number = 0
         while (got := capture.read())[0]:
-            if damage(got[1].tobytes()):
-                damaged.append(number)
-            number += 1
-    capture.release()
-    return damaged
+            damaged.append(damage(got[1].tobytes()) != "")
+    return np.flatnonzero(damaged).tolist()
 
 
 def _stamped(video: Path) -> Iterator[tuple[float, np.ndarray]]:
