@@ -356,7 +356,7 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
         "import csv": (_importer("csv", "t.csv", folder), [rows]),
         "import features": (_importer("features", "v.csv", folder), [values]),
         "import video": (
-            _importer("video", "v.avi", folder, positions="p.csv", offset="0"),
+            _importer("video", "v.avi", folder, positions="p.csv", offset=0.0),
             [_video(folder)],
         ),
         "import photos": (

@@ -19,7 +19,7 @@ def grey(level: int) -> np.ndarray:
 def video(tmp_path) -> Forward:
     (tmp_path / "t.csv").write_text("t,x,y\n0,0,0\n1,1,1\n")
     path = film(tmp_path / "v.avi", (grey(20 * row) for row in range(8)), 25)
-    frames = read(path, Settings(positions="t.csv", offset="0")).frames
+    frames = read(path, Settings(positions="t.csv", offset=0.0)).frames
     assert isinstance(frames, Forward)
     return frames
 

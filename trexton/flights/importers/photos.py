@@ -172,12 +172,9 @@ def _track(shots: list[Shot], ground: float | None) -> tuple[PoseTrack, list[str
             "floor: heights left out; give --ground METRES, the altitude of the floor"
         ]
     attitude = np.array([shot.attitude for shot in shots], dtype=float)
-    return PoseTrack(
-        _by_the_second([shot.time_ns for shot in shots]),
-        np.column_stack([place, height]),
-        attitude if np.isfinite(attitude).any() else None,
-        origin,
-    ), said
+    stamps = _by_the_second([shot.time_ns for shot in shots])
+    known = attitude if np.isfinite(attitude).any() else None
+    return PoseTrack(stamps, np.column_stack([place, height]), known, origin), said
 
 
 def _without_bands(files: list[Path], shots: dict[Path, Shot]) -> tuple[list[Path], list[str]]:

@@ -34,8 +34,8 @@ class Settings(TrackColumns):
         "table of t, x, y beside the video, export of motion capture, or log of an autopilot "
         "(default: DJI's subtitles beside the video)",
     )
-    offset: str = option(
-        "estimate", "stamp of the first frame on the table's clock in s, or estimate"
+    offset: float | None = option(
+        None, "stamp of the first frame on the table's clock in s, estimated unless given"
     )
     every: int = option(1, "keep every n-th frame", low=1)
 
@@ -55,14 +55,8 @@ def read(source: Path, settings: Settings) -> Recording:
         raise ParameterError(f"{source}: a video has no positions: name a table, --positions FILE")
     track, read_so = read_track(path, settings)
     stamps, motion, cut = _scan(source)
-    if settings.offset != "estimate":
-        try:
-            offset = float(settings.offset)
-        except ValueError:
-            raise ParameterError(
-                f"offset {settings.offset!r}: expected seconds, or estimate"
-            ) from None
-        said = f"time offset {offset:g} s, as given"
+    if settings.offset is not None:
+        offset, said = settings.offset, f"time offset {settings.offset:g} s, as given"
     elif not settings.positions:
         offset, said = 0.0, f"positions of {path.name}, on the video's clock"
     else:
