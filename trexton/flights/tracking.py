@@ -61,7 +61,7 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
     if not top > 0:
         return []
     zero, frozen, flown = _parted(time, position, top)
-    if (slow := _slow_top_speed(time, position)) < top / 2:  # many are lost one by one, perhaps
+    if 0 < (slow := _slow_top_speed(time, position)) < top / 2:  # many may be lost one by one
         other = _parted(time, position, slow)
         if _returns(position, other[2]):
             (zero, frozen, flown), top = other, slow
@@ -282,7 +282,7 @@ def tracking_doubts(flight: Flight) -> Iterator[str]:
     for how, rows, sure in lost_rows(flight.time, pose):
         frames = ranges(flight.frame[rows])
         if not sure:
-            yield f"{how} (frames {frames}): stamps of another unit, or several recordings?"
+            yield f"{how} (frames {frames}): stamps of another unit, or tracking that was lost?"
             continue
         what = "position lies" if len(rows) == 1 else "positions lie"
         yield Doubt(
