@@ -23,11 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.base.records import Record
     from trexton.companion.build.flight_pairs import FlightPair, check_out, load_pair
-    from trexton.companion.build.plan import run_experiments
-    from trexton.companion.build.small_report import write_report
-    from trexton.companion.cli.run import print_outcomes
     from trexton.companion.experiments.assessment import Parameters
 
     out, chosen = Path(arguments.out), Parameters(methods=arguments.methods)
@@ -37,6 +33,13 @@ def run(arguments: argparse.Namespace) -> int:
     doubts: list[str] = []
     verdict = Thread(target=_say, args=(pair, chosen, doubts), daemon=True)
     verdict.start()
+    # Loaded while its map is learned: the engine of the pages, and what makes the book.
+    from trexton.base.records import Record
+    from trexton.companion.build.make import build_small_book
+    from trexton.companion.build.plan import run_experiments
+    from trexton.companion.build.small_report import write_report
+    from trexton.companion.cli.run import print_outcomes
+
     if arguments.no_book:
         verdict.join()
     # The pages are made beside the verdict; its own waits for what it keeps.
@@ -53,8 +56,6 @@ def run(arguments: argparse.Namespace) -> int:
     page = write_report(record, out / "report.html", player, arguments.flight, doubts)
     print(page)  # it is there, whatever becomes of the book
     if not arguments.no_book:
-        from trexton.companion.build.make import build_small_book
-
         print(build_small_book(pairs, outcomes, out))
     return 0
 
