@@ -5,6 +5,7 @@ is imported is right, or the damage is named.
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -15,7 +16,8 @@ from test_brought_photos import photo
 from test_import import picture
 from test_plausibility import SOUND, UNITS, sound
 
-from trexton.base.errors import TrextonError
+from trexton.base.errors import FlightError, TrextonError
+from trexton.flights.importers.bag import _decoded
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording
 from trexton.flights.importing import Common, _placed, import_flight
 from trexton.flights.plausibility import warnings
@@ -112,6 +114,13 @@ def test_pictures_that_are_damaged_within(share, put):
     first = len(JPEG) - round(share * len(PIXELS))
     with pytest.raises(TrextonError, match="damaged"):
         decode_image(JPEG[:first] + put + JPEG[first + 400 :])
+
+
+def test_damaged_pictures_of_a_bag_are_named():
+    middle = len(JPEG) - len(PIXELS) // 2
+    for data, why in ((JPEG[:middle] + JPEG[middle + 400 :], "damaged"), (b"none", "jpeg")):
+        with pytest.raises(FlightError, match=rf"a.bag cannot be decoded \(.*{why}"):
+            _decoded("a.bag", (0, 0, SimpleNamespace(format="jpeg", data=data)))
 
 
 def test_bytes_before_the_end_of_a_picture_are_no_damage():

@@ -211,9 +211,10 @@ def _decoded(where: str, message: tuple[int, int, Any]) -> np.ndarray:
     """``(H, W, 3) uint8`` BGR of a message of an image."""
     *_, item = message
     if hasattr(item, "format"):
-        image, found = decode(bytes(item.data)), damage(bytes(item.data))
-        if image is None or found:
-            raise FlightError(f"{where} cannot be decoded ({found or item.format})")
+        image = decode(data := bytes(item.data))  # refuses what declares too much
+        if image is None or (found := damage(data)):
+            why = item.format if image is None else found
+            raise FlightError(f"{where} cannot be decoded ({why})")
         return image
     if item.encoding.lower() not in _ENCODINGS:
         known = ", ".join(_ENCODINGS)
