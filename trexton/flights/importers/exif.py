@@ -1,6 +1,6 @@
 """What a photograph says of itself in EXIF and XMP: place, height, attitude and time.
 
-`read_shot` reads a file.
+`read_shot` reads a file, `untold_zones` names what times lack.
 """
 
 import re
@@ -141,3 +141,13 @@ def _attitude(values: dict[str, float]) -> tuple[float, float, float]:
             attitude = attitude_from_quaternions(turn.as_quat(), axes)[0]
             return float(attitude[0]), float(attitude[1]), float(attitude[2])
     return _UNKNOWN
+
+
+def untold_zones(shots: dict[Path, Shot], fewest: int) -> list[str]:
+    """A sentence where some tell no time zone, beside at least so many that do."""
+    untold = sum(not shot.zoned for shot in shots.values())
+    said = (
+        f"{untold} of {len(shots)} photographs tell no time zone: their times are taken as UTC, "
+        "give them EXIF's OffsetTimeOriginal where they are not"
+    )
+    return [said] * (0 < untold <= len(shots) - fewest)
