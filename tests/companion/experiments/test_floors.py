@@ -208,7 +208,7 @@ def here(monkeypatch):
 
 def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, capsys, here):
     grey = tmp_path / "grey.png"
-    cv2.imwrite(str(grey), np.full((300, 300, 3), 128, np.uint8))
+    cv2.imwrite(str(grey), np.repeat([[126], [132]], 150, axis=0).repeat(300, axis=1))
     words = ["suitability", str(grey), str(picture), "--width", "1", "--frames", "30"]
     assert main([*words, "--test-frames", "20", "--out", str(tmp_path / "out")]) == 0
     assert here == [min(2, usable_cores())]  # side by side
@@ -233,7 +233,7 @@ def test_no_picture_and_no_other_floor_is_written_over(picture, tmp_path, capsys
     assert picture.read_bytes() == before and not picture.with_suffix(".json").exists()
     namesake = tmp_path / "other" / f"{picture.stem}.jpg"
     namesake.parent.mkdir()
-    cv2.imwrite(str(namesake), np.full((300, 300, 3), 128, np.uint8))
+    cv2.imwrite(str(namesake), np.repeat([[126], [132]], 150, axis=0).repeat(300, axis=1))
     assert main([*words, str(tmp_path / "out"), str(picture), str(namesake)]) == 1
     assert "would both be written" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
