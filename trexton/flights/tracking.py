@@ -61,7 +61,7 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
     if not top > 0:
         return []
     zero, frozen, flown = _parted(time, position, top)
-    if 0 < (slow := _slow_top_speed(time, position)) < top / 2:  # many may be lost one by one
+    if (slow := _slow_top_speed(time, position)) < top / 2:  # many are lost one by one, perhaps
         other = _parted(time, position, slow)
         if _returns(position, other[2]):
             (zero, frozen, flown), top = other, slow
@@ -80,9 +80,8 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
                 (f"{how}, up to {apart:.4g} m from those before and after", rows[chosen], True)
             )
     if frozen.any():
-        found.append(
-            ("at one place to the last digit while the vehicle flew on", rows[frozen], True)
-        )
+        how = "at one place to the last digit while the vehicle flew on"
+        found.append((how, rows[frozen], True))
     return found
 
 
@@ -114,13 +113,16 @@ def counted_on(time: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndar
     return time, back
 
 
-def _parted(time: np.ndarray, position: np.ndarray, top: float) -> list[np.ndarray]:
+def _parted(
+    time: np.ndarray, position: np.ndarray, top: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The rows at (0, 0), the frozen ones, and those that can have been flown, as masks."""
     zero = _zeros(time, position, JUMP * top)
     frozen = _frozen(time, position, top) & ~zero
     kept = np.flatnonzero(~(frozen | zero))
-    chain = kept[_longest_chain(time[kept], position[kept], JUMP * top)]
-    return [zero, frozen, np.isin(np.arange(len(time)), chain)]
+    flown = np.zeros(len(time), dtype=bool)
+    flown[kept[_longest_chain(time[kept], position[kept], JUMP * top)]] = True
+    return zero, frozen, flown
 
 
 def _returns(position: np.ndarray, flown: np.ndarray) -> bool:
@@ -145,7 +147,8 @@ def _slow_top_speed(time: np.ndarray, position: np.ndarray) -> float:
         return np.inf
     speeds = np.full(len(time), np.inf)
     for apart in range(1, WINDOW):
-        speed = np.hypot(*(position[apart:] - position[:-apart]).T) / (time[apart:] - time[:-apart])
+        moved = np.hypot(*(position[apart:] - position[:-apart]).T)
+        speed = moved / (time[apart:] - time[:-apart])
         speeds[apart:] = np.minimum(speeds[apart:], speed)
         speeds[:-apart] = np.minimum(speeds[:-apart], speed)
     around = np.lib.stride_tricks.sliding_window_view(speeds, AROUND)
@@ -282,7 +285,7 @@ def tracking_doubts(flight: Flight) -> Iterator[str]:
     for how, rows, sure in lost_rows(flight.time, pose):
         frames = ranges(flight.frame[rows])
         if not sure:
-            yield f"{how} (frames {frames}): stamps of another unit, or tracking that was lost?"
+            yield f"{how} (frames {frames}): stamps of another unit, or several recordings?"
             continue
         what = "position lies" if len(rows) == 1 else "positions lie"
         yield Doubt(

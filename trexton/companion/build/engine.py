@@ -11,7 +11,7 @@ import json
 import threading
 import time
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -63,7 +63,7 @@ class Fact:
         """Nothing is kept: the task writes the files itself."""
 
 
-def files_fact(name: str, files: Callable[[], Sequence[Path]]) -> Fact:
+def files_fact(name: str, files: Callable[[], Iterable[Path]]) -> Fact:
     """The files that a step left, by content; nothing yet where there are none."""
     return Fact(name, lambda: {path.name: digest(path) for path in files()} or None)
 

@@ -160,15 +160,11 @@ def _cells(
             name,
             inputs_of(parameters.as_dict(), code_hashes(module), pair.hashes),
             partial(_measure_here, call, module, pair, parameters, path),
-            [files_fact(f"{name}: outputs", partial(_present, path))],
+            [files_fact(f"{name}: outputs", partial(path.parent.glob, path.name))],
             alone=experiment.alone,
         )
         cells.append(_Cell(pair.name, parameters, path, step))
     return cells
-
-
-def _present(path: Path) -> list[Path]:
-    return [path] if path.is_file() else []
 
 
 def _measure_here(
