@@ -1,6 +1,6 @@
 """What a photograph says of itself in EXIF and XMP: place, height, attitude and time.
 
-`read_shot` reads a file, `untold_zones` names what times lack.
+`read_shot` reads a file, `missing_zones` names what times lack.
 """
 
 import re
@@ -51,7 +51,7 @@ class Shot:
     time_ns : int
         Nanoseconds since 1970; 0 where there is no time.
     zoned : bool
-        Whether the zone of the time is told; it is taken as UTC otherwise.
+        Whether the zone of the time is known; it is taken as UTC otherwise.
     """
 
     latitude: float = np.nan
@@ -143,11 +143,11 @@ def _attitude(values: dict[str, float]) -> tuple[float, float, float]:
     return _UNKNOWN
 
 
-def untold_zones(shots: dict[Path, Shot], fewest: int) -> list[str]:
-    """A sentence where some tell no time zone, beside at least so many that do."""
-    untold = sum(not shot.zoned for shot in shots.values())
+def missing_zones(shots: dict[Path, Shot], fewest: int) -> list[str]:
+    """A sentence where some have no time zone, beside at least so many that do."""
+    missing = sum(not shot.zoned for shot in shots.values())
     said = (
-        f"{untold} of {len(shots)} photographs tell no time zone: their times are taken as UTC, "
+        f"{missing} of {len(shots)} photographs tell no time zone: their times are taken as UTC, "
         "give them EXIF's OffsetTimeOriginal where they are not"
     )
-    return [said] * (0 < untold <= len(shots) - fewest)
+    return [said] * (0 < missing <= len(shots) - fewest)

@@ -18,7 +18,7 @@ from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.autopilot import read_log
 from trexton.flights.importers.axes import camera_attitude
-from trexton.flights.importers.exif import Shot, read_shot, untold_zones
+from trexton.flights.importers.exif import Shot, missing_zones, read_shot
 from trexton.flights.importers.recording import (
     NANO,
     PoseTrack,
@@ -78,7 +78,7 @@ def read(source: Path, settings: Settings) -> Recording:
     if settings.positions and (log := read_log(path)) is not None:
         track, words = log.ordered(str(path))
         shots = {file: read_shot(file) for file in files}
-        words += untold_zones(shots, 0)
+        words += missing_zones(shots, 0)
         stamps = _stamps(shots)
     elif settings.positions and (posed := _read_reconstruction(path)) is not None:
         names, poses, words = posed
@@ -91,7 +91,7 @@ def read(source: Path, settings: Settings) -> Recording:
         shots = _from_table(path, files) if named else {file: read_shot(file) for file in files}
         known, words = _located(source, path if named else None, files, shots)
         track, words_of_heights = _track([shots[file] for file in known], settings.ground)
-        words += words_of_heights + untold_zones({file: shots[file] for file in known}, 1)
+        words += words_of_heights + missing_zones({file: shots[file] for file in known}, 1)
         stamps = track.time_ns
     return Recording(
         stamps, track, ImageFiles(tuple(known)), source=f"photographs of {source.name}",
