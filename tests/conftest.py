@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from painted_once import painted_once
 
 from trexton.base.progress import set_quiet
 from trexton.base.records import Record
@@ -26,6 +27,31 @@ def _shared_data() -> Path | None:
 
 if found := _shared_data():  # as make test says it: pytest by hand runs the same
     os.environ["TREXTON_DATA"] = str(found)
+
+
+# Files that take longest: begun last, one of them would run on where all else is done.
+LONG = {
+    "test_appearance.py", "test_book.py", "test_closed_loop.py", "test_cluster.py",
+    "test_contributing.py", "test_floors.py", "test_installed.py", "test_mosaic.py",
+    "test_prose.py", "test_sweep.py", "test_workflow.py",
+}  # fmt: skip
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The long files come first, in whatever order they were shuffled."""
+    items.sort(key=lambda item: item.path.name not in LONG)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _painted(tmp_path_factory):
+    """Floors are painted once a run, in one place for all its processes."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    (folder / "floors").mkdir(exist_ok=True)
+    with painted_once(folder / "floors"):
+        yield
 
 
 @pytest.fixture(scope="session")
