@@ -109,7 +109,9 @@ def prepare(folder: Path) -> None:
     write_flight(histogram_flight("long", 120), folder / "long")
     rows = "".join(f"{i},{i},{i % 3},pictures/{100 + i:04d}.png\n" for i in range(2))
     for i in range(2):
-        cv2.imwrite(str(folder / "pictures" / f"{100 + i:04d}.png"), np.full((24, 32, 3), 50 * i))
+        cv2.imwrite(
+            str(folder / "pictures" / f"{100 + i:04d}.png"), np.full((24, 32, 3), 50 * i, np.uint8)
+        )
     (folder / "table.csv").write_text("t,x,y,image\n" + rows)
     plan = (
         'experiment = "mocap_training"\nflights = ["plain"]\n[set]\nparticles = 10\nrepeats = 2\n'
@@ -165,6 +167,8 @@ class Grave:
             for stream in (1, 2):
                 os.dup2(log, stream)
             os.environ |= {MARK: self.token, "TREXTON_CACHE": str(self.work / "cache")}
+            os.environ["TMPDIR"] = tempfile.tempdir = str(self.work / "tmp")
+            os.makedirs(tempfile.tempdir, exist_ok=True)
             if step is not None:
                 sys.addaudithook(self._counting(step))
             from trexton.cli.main import main
@@ -220,11 +224,18 @@ class Grave:
 
     def fault(self, text: str) -> None:
         self.faults.append(text)
+        print(f"  {text}", file=sys.stderr, flush=True)
+
+    def strike(self, process: int) -> None:
+        """Kill it outright, mostly; now and then ask it to end, and with all that it started."""
+        number = signal.SIGKILL if self.rng.random() < 0.7 else signal.SIGTERM
+        with suppress(ProcessLookupError):
+            (os.killpg if self.rng.random() < 0.5 else os.kill)(process, number)
 
     def bury(self, process: int) -> bool:
         """Whether the process was killed; a fault if what it had started goes on."""
         _, status = os.waitpid(process, 0)
-        killed = os.WIFSIGNALED(status)
+        killed = os.WIFSIGNALED(status) or os.WEXITSTATUS(status) == 128 + signal.SIGTERM
         until = time.monotonic() + 30
         while left := self.left_running():
             if time.monotonic() > until:
@@ -256,12 +267,8 @@ class Grave:
         }
 
     def everything(self) -> set[str]:
-        """All files that are here, the engine's own among them."""
-        return {
-            path.relative_to(self.work).as_posix()
-            for path in self.work.rglob("*")
-            if not path.is_dir()
-        }
+        """All files and folders that are here, the engine's own and temporary ones among them."""
+        return {path.relative_to(self.work).as_posix() for path in self.work.rglob("*")}
 
 
 _HIDDEN = {".engine", ".book.stamp"}  # what was built last, times and all
@@ -318,6 +325,8 @@ def kill(
 
     def look(which: int, finish: bool) -> None:
         for path, digest in grave.contents(case.out).items():
+            if path.endswith(".failed.ipynb"):  # of a cell that was ended; gone after the next run
+                continue
             if digest not in (whole[0].get(path), whole[1].get(path)):
                 grave.fault(f"{path} is neither the old nor the new one ({digest[:20]})")
         if finish:
@@ -342,7 +351,7 @@ def kill(
             _restore(good if grave.rng.random() < 0.5 else inputs, work)
         process = grave.start(varieties[attempt % 2])
         time.sleep(grave.rng.uniform(0, 1.1 * seconds[1]))
-        os.kill(process, signal.SIGKILL)
+        grave.strike(process)
         killed = grave.bury(process)
         done += killed
         if attempt % 10 == 9:

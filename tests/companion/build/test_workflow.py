@@ -364,12 +364,17 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
         "                experiments={'first': tiny('F')})"
     )
     places = (str(house.flight), str(house.out), str(house.notebooks))
-    run = subprocess.Popen([sys.executable, "-c", script, *places], stderr=subprocess.DEVNULL)
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    run = subprocess.Popen(
+        [sys.executable, "-c", script, *places], stderr=subprocess.DEVNULL,
+        env=os.environ | {"TMPDIR": str(temporary)},
+    )  # fmt: skip
     kernel = eventually(lambda: marker.exists() and marker.read_text())
     run.send_signal(signal.SIGKILL)
     run.wait()
     assert eventually(lambda: not alive(int(kernel)))
-    assert not (house.out / "small" / "first.json").exists()
+    assert not (house.out / "small" / "first.json").exists() and not any(temporary.iterdir())
 
     write_notebook(house.notebooks, "first")
     house.experiments = {"first": tiny("First")}

@@ -63,6 +63,7 @@ def execute(
         papermill.execute_notebook(
             original, executed, parameters={**parameters, "out": str(work)}, engine_name="trexton",
             kernel_name="python3", progress_bar=False, environment=_environment(threads),
+            connection=str(work.with_name("kernel.json")),
         )  # fmt: skip
     except PapermillExecutionError as fault:
         # Counted as in the source: papermill put a cell of its own in after number `given`.
@@ -80,14 +81,10 @@ def execute(
 
 def _environment(threads: int | None) -> dict[str, str]:
     """Of a kernel."""
-    chosen = {
-        "JUPYTER_PREFER_ENV_PATH": "1",
-        "PYDEVD_DISABLE_FILE_VALIDATION": "1",
-        PROCESSES: str(usable_cores() if threads is None else 1),
-    }
-    if threads is not None:
-        chosen |= dict.fromkeys(THREAD_VARIABLES, str(threads))
-    return {**os.environ, **chosen}
+    own = {"JUPYTER_PREFER_ENV_PATH": "1", "PYDEVD_DISABLE_FILE_VALIDATION": "1"}
+    if threads is None:
+        return {**os.environ, **own, PROCESSES: str(usable_cores())}
+    return {**os.environ, **own, PROCESSES: "1", **dict.fromkeys(THREAD_VARIABLES, str(threads))}
 
 
 def _register_engine() -> None:
@@ -103,6 +100,7 @@ def _register_engine() -> None:
         ) -> None:
             client = PapermillNotebookClient(nb_man, kernel_name=kernel_name)
             manager = client.create_kernel_manager()
+            manager.connection_file = options["connection"]  # else in TMPDIR, and left there
             _kernels.add(manager)
             try:
                 client.execute(env=environment, stderr=DEVNULL)
