@@ -43,7 +43,7 @@ def test_the_first_page_says_what_its_pages_found(results):
         {
             "page": "triggered_landing",
             "flight": "Virtual hall (simulated)",
-            "text": "By the paper's trigger 13 of 50 flights ended inside.",
+            "text": "By the paper's trigger 13 of 50 flights ended in the zone.",
         }
     ]
     records["cyberzoo"]["triggered_landing"] = {}
@@ -99,7 +99,9 @@ def test_the_map_shows_theirs_beside_ours_with_links_to_pages_that_are_there(res
     row = next(line for line in table.splitlines() if line.startswith("| Triggered landing |"))
     cells = [cell.strip() for cell in row.strip("|").split(" | ")]
     assert cells[1] == "<triggered_landing: Triggered landing>"
-    assert re.sub("<[^>]*>", "", cells[2]) == "landing rate 0.67; landing outliers 16 cm"
+    named = "share of landings inside 0.67; mean distance beyond the circle of landings outside"
+    assert re.sub("<[^>]*>", "", cells[2]) == f"{named} 16 cm"
+    assert "| The method |" in table
     assert '<abbr title="Four of six triggered landings end inside the zone">' in cells[2]
     assert "not testable here" in cells[3] and "0.66" in cells[4] and "reproduced" in cells[4]
     assert table.splitlines()[0].count("|") == row.count("|")

@@ -81,7 +81,7 @@ def test_homography():
     values = homography(mosaic=3.4) | {"tilt_offset_cm": 3.5}
     text = found("homography_baseline", values)
     assert "3.4 [2.4, 4.4] cm" in text and "in 3 frames" in text
-    assert "tilt alone costs 3.5 cm" in text
+    assert "Tilt moves the image's centre by 3.5 cm" in text
     assert found("homography_baseline", homography(mosaic=3.4)).endswith("in 3 frames.")
     assert found("homography_baseline", {"mosaic": {"missing": 80.0}}) == (
         "A homography finds no frame on the stitched map."
@@ -154,8 +154,8 @@ def test_kidnapping():
 def test_dictionary_and_mosaic():
     values = {"fit": {"error": 11.9, "effective": 16.7}, "patches": 100_000}
     text = found("texton_dictionary", values, parameters={"textons": 20})
-    assert "11.9 grey levels from its nearest texton" in text
-    assert "20 textons share the patches as evenly as 16.7 textons" in text
+    assert "its nearest texton by 11.9 grey levels" in text
+    assert "the 20 count as 16.7 that are equally frequent" in text
     values = {"used": 799, "frames": 800, "anchors": 12}
     values["frame_position_error_cm"] = {"median": 0.53, "p95": 1.22}
     values |= {"links": 990, "rejected_links": 10, "doubt": ""}

@@ -23,6 +23,9 @@ SAME = {
     ),
     "paper, lag": ("mocap_training:lag", "beyond:lag"),
     "paper, coverage": ("beyond:paper.held", "uncertainty:paper.within_90"),
+    "paper with motion noise of 25 cm, mean error": (
+        "beyond:agile.mean_cm", "choices:variants.motion_25.mean_cm"
+    ),
     "field, coverage": ("beyond:field.held", "uncertainty:field.within_90"),
 }  # fmt: skip
 BUILT = [

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import jinja2
 
+from trexton.base.cache import shipped
 from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.companion import claims
@@ -106,8 +107,10 @@ def map_table(records: dict[str, dict[str, Record]], see: Callable[[str, str], s
             for claim, _ in own
             if claim.printed_value is not None
         ]
-        page = EXPERIMENTS[item.page].title if item.page in EXPERIMENTS else item.page.capitalize()
-        line = [item.name, see(item.page, page.replace("_", " ")), "; ".join(printed)]
+        prose = shipped("book") / f"{item.page}.md"
+        known = EXPERIMENTS.get(item.page)
+        page = known.title if known else prose.read_text("utf-8").partition("\n")[0][2:]
+        line = [item.name, see(item.page, page), "; ".join(printed)]
         for index in range(len(flights)):
             line.append("<br>".join(_judged(claim, found[index], named) for claim, found in own))
         lines.append(line)
@@ -115,10 +118,10 @@ def map_table(records: dict[str, dict[str, Record]], see: Callable[[str, str], s
 
 
 def _valued(claim: Claim, value: str, named: bool) -> str:
-    """A number with its unit; its name, and its words to be pointed at, where others stand beside
-    it.
-    """
-    words = claim.label or claim.id.replace("-", " ")
+    """A number with its unit; beside others its name too, and its words to be pointed at."""
+    words = claim.label or claim.measure or claim.text
+    if words.startswith("the same"):  # of an item that says as what
+        words = claim.text.rpartition(", ")[2]
     name = f'<abbr title="{escape(claim.text)}">{escape(words)}</abbr> ' if named else ""
     return f"{name}{value} {claim.unit}".strip()
 

@@ -27,7 +27,7 @@ from trexton.companion.experiments.evaluation import (
 )
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, label_ends
-from trexton.companion.experiments.track import HELD, Track, fly
+from trexton.companion.experiments.track import HELD, Track, tracks
 from trexton.companion.wording import beside, distance, middle, percent
 from trexton.field.field import Field
 from trexton.field.hypotheses import Hypotheses
@@ -38,7 +38,6 @@ from trexton.localization.methods import make
 from trexton.localization.training import for_method, with_choices, with_parts
 
 WIDE_M = 0.25  # process noise and rank widths of the ablations
-QUOTED = ("paper", "field")  # variants whose runs other pages quote too
 SETTLED = 25  # frames, two seconds, before one is chosen to be drawn
 RIGHT_M = 0.3  # an error that still counts as right
 FEWEST = 0.01  # weight of a hypothesis that is drawn
@@ -72,7 +71,7 @@ VARIANTS: dict[str, Variant] = {
 class Parameters(MapParameters):
     """What can be chosen."""
 
-    repeats: int = option(3, "independent runs of every filter that draws", low=1)
+    repeats: int = option(4, "independent runs of every filter that draws", low=1)
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -93,14 +92,14 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         base = changed["field"] if variant.odometry else texton_map
         changed[name] = _map_for(variant, base, located)
         timings[name] = {"learn_s": perf_counter() - started}
-        if name in QUOTED:
+        if name == variant.method:  # flown once for all pages
             runs = flown(train, test, parameters, name, texton_map=changed[name])
         else:
-            runs = []
-            for repeat in range(parameters.repeats if variant.method == "paper" else 1):
-                rng = stream(parameters.seed, f"beyond {name}", repeat)
-                localizer = Localizer(changed[name], samples=parameters.samples, rng=rng)
-                runs.append(fly(localizer, frames))
+            own: dict[str, Any] = {"repeats": parameters.repeats, "particles": parameters.particles}
+            runs = tracks(
+                changed[name], frames, seed=parameters.seed, samples=parameters.samples,
+                **(own if variant.method == "paper" else {"repeats": 1}),
+            )  # fmt: skip
         flights[name] = runs
         timings[name]["step_s"] = float(np.median(runs[0].step_s))
     values: dict[str, Any] = {

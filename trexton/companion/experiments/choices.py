@@ -60,7 +60,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     Euclidean error in cm with its interval; ``paper`` is the method as it stands.
     """
     texton_map, frames = map_of(train, parameters), frames_of(test)
-    common: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
     changes = {key: (label, texton_map, options) for key, (label, options) in _CHANGES.items()}
     if test.has_images and train.has_images:
         rng = stream(parameters.seed, "training")  # learned as the flight code did
@@ -74,7 +73,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         else:
             runs = tracks(
                 changed, frames, repeats=parameters.repeats, seed=parameters.seed,
-                **common | options,
+                samples=parameters.samples, **{"particles": parameters.particles} | options,
             )  # fmt: skip
         variants[key] = {
             "label": label,

@@ -60,7 +60,7 @@ def finding(record: Record) -> str:
         f"finds {missed if mosaic['missing'] else 'every frame'}."
     )
     if "tilt_offset_cm" in values:
-        text += f" The camera's tilt alone costs {distance(values['tilt_offset_cm'])}."
+        text += f" Tilt moves the image's centre by {distance(values['tilt_offset_cm'])}."
     return text
 
 

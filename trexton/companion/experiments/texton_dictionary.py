@@ -78,9 +78,9 @@ def finding(record: Record) -> str:
     """What the experiment found, in two sentences."""
     fit, count = record.values["fit"], record.parameters["textons"]
     return (
-        f"A patch lies {number(fit['error'])} grey levels from its nearest texton on average. The "
-        f"{count} textons share the patches as evenly as {number(fit['effective'])} textons used "
-        "equally."
+        f"A patch differs from its nearest texton by {number(fit['error'])} grey levels (root mean "
+        f"square). Some textons are rare, so the {count} count as {number(fit['effective'])} that "
+        "are equally frequent."
     )
 
 

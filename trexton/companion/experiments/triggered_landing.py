@@ -115,8 +115,8 @@ def finding(record: Record) -> str:
     if not values["landings"]:
         return f"None of {values['attempts']} flights triggered a landing."
     text = (
-        f"By the paper's trigger {values['inside']} of {values['attempts']} flights ended inside. "
-        f"{values['landings'] - values['inside']} landed beside it, and "
+        f"By the paper's trigger {values['inside']} of {values['attempts']} flights ended in the "
+        f"zone. {values['landings'] - values['inside']} landed beside it, and "
         f"{values['never_triggered']} never triggered."
     )
     if values["perfect"]["landings"]:
