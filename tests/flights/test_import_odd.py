@@ -236,6 +236,17 @@ def test_a_packed_bag_is_read_but_not_one_that_unpacks_to_gigabytes(
         import_flight(tmp_path / "bag", tmp_path / "other")
 
 
+def test_what_a_bag_unpacks_to_is_bounded_in_all_and_not_only_piece_by_piece(tmp_path, monkeypatch):
+    """A file of kilobytes may hold a thousand pieces, each of the largest size that is read."""
+    write_bag(tmp_path / "bag", "SQLITE3", "MESSAGE")
+    module = "trexton.flights.importers.bag"
+    monkeypatch.setattr(f"{module}.MOST_BYTES", 15_000)  # an image has 9,216
+    assert len(import_flight(tmp_path / "bag", tmp_path / "out")[0]) == 5
+    monkeypatch.setattr(f"{module}.MOST_TIMES", 0)
+    with pytest.raises(TrextonError, match="would unpack to more than"):
+        import_flight(tmp_path / "bag", tmp_path / "other")
+
+
 def test_a_bag_that_is_packed_as_a_file_is_to_be_converted(tmp_path):
     write_bag(tmp_path / "bag", "SQLITE3", "FILE")
     with pytest.raises(TrextonError, match="packed as a whole file: convert it"):

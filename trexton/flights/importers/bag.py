@@ -2,6 +2,7 @@
 
 import re
 import sqlite3
+from bz2 import BZ2Decompressor
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from trexton.flights.importers.recording import NANO, Recording
 from trexton.flights.importers.tracks import pose_track
 
 MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacked
+MOST_TIMES = 1000  # the size of the file: more is not unpacked of it on one way through
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 # where the pose of each kind of message is
 POSES = {
@@ -109,8 +111,8 @@ class _Bag:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
-        _bound_unpacking()
         try:
+            _bound_unpacking(self.source)
             _check_tables(self.source)
             reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
@@ -139,10 +141,7 @@ class _Bag:
             try:
                 for connection, recorded, data in reader.messages(chosen):
                     if len(data) > MOST_BYTES:
-                        raise FlightError(
-                            f"{self.source}: a message of {topic} has {len(data):,} bytes: "
-                            f"expected at most {MOST_BYTES:,}"
-                        )
+                        raise ValueError(f"a message has {len(data):,} bytes, over {MOST_BYTES:,}")
                     message = reader.deserialize(data, connection.msgtype)
                     stamp = message.header.stamp
                     yield int(stamp.sec) * NANO + int(stamp.nanosec), recorded, message
@@ -150,32 +149,34 @@ class _Bag:
                 raise self._unreadable(error) from None
 
 
-def _bound_unpacking() -> None:
-    """Have the reader unpack no more than `MOST_BYTES` of a piece: kilobytes may hold gigabytes."""
-    from bz2 import BZ2Decompressor
-
+def _bound_unpacking(source: Path) -> None:
+    """Have the reader unpack no more than `MOST_BYTES` of a piece, and `MOST_TIMES` the file of
+    all: kilobytes may hold gigabytes, or name a piece anew for every message."""
     from lz4.frame import LZ4FrameDecompressor
+
+    files = source.rglob("*") if source.is_dir() else [source]
+    room = MOST_BYTES + MOST_TIMES * sum(file.stat().st_size for file in files)
+
+    def bounded(kind: Callable[[], Any]) -> Callable[..., bytes]:
+        def unpack(data: bytes, size: int = 0) -> bytes:
+            nonlocal room
+            unpacking = kind()
+            whole: bytes = unpacking.decompress(data, max(1, min(room, MOST_BYTES)))
+            room -= len(whole)
+            if not unpacking.eof:
+                raise ValueError("a piece is cut, or would unpack to more than such a file holds")
+            return whole
+
+        return unpack
 
     first, second, mcap = (
         vars(import_module(f"rosbags.{name}"))
         for name in ("rosbag1.reader", "rosbag2.reader", "rosbag2.storage_mcap")
     )
-    bz2, lz4 = _bounded(BZ2Decompressor), _bounded(LZ4FrameDecompressor)
-    zstd = _bounded(mcap["zstd"].ZstdDecompressor)
-    first["decompressors"].update(bz2=bz2, lz4=lz4)
+    lz4, zstd = bounded(LZ4FrameDecompressor), bounded(mcap["zstd"].ZstdDecompressor)
+    first["decompressors"].update(bz2=bounded(BZ2Decompressor), lz4=lz4)
     mcap["DECOMPRESSORS"].update(lz4=lz4, zstd=zstd)
     second["zstd"] = SimpleNamespace(decompress=zstd, open=_refuse_file)
-
-
-def _bounded(kind: Callable[[], Any]) -> Callable[..., bytes]:
-    def unpack(data: bytes, size: int = 0) -> bytes:
-        unpacking = kind()
-        whole: bytes = unpacking.decompress(data, MOST_BYTES)
-        if not unpacking.eof:
-            raise ValueError(f"a piece is cut, or would unpack to more than {MOST_BYTES:,} bytes")
-        return whole
-
-    return unpack
 
 
 def _check_tables(source: Path) -> None:
