@@ -15,7 +15,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from rocrate.model.person import Person
+from rocrate.model.contextentity import ContextEntity
 from rocrate.rocrate import ROCrate
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -30,9 +30,13 @@ def write(results: Path, book: Path, out: Path) -> Path:
     crate = ROCrate()
     crate.name = "trexton: results"
     crate.description = "Records of every experiment, with the code, data hashes and environment."
-    crate.license = "https://spdx.org/licenses/MIT"
-    authors = json.loads((ROOT / ".zenodo.json").read_text())["creators"]
-    crate.creator = [crate.add(Person(crate, each["name"])) for each in authors]
+    licence = {"@type": "CreativeWork", "name": "MIT"}
+    crate.license = crate.add(ContextEntity(crate, "https://spdx.org/licenses/MIT", licence))
+    authors = json.loads((ROOT / "codemeta.json").read_text())["author"]
+    crate.creator = [
+        crate.add(ContextEntity(crate, f"#author-{number}", each))
+        for number, each in enumerate(authors)
+    ]
     for name in DOCUMENTS:
         _add(crate, ROOT / name, name)
     records = sorted(results.rglob("*.json"))
