@@ -169,10 +169,14 @@ def test_all_of_them_leave_the_checks_and_the_suite_green(tmp_path):
         if (ROOT / name).is_file():
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, tmp_path / name)
-    for compiled in (ROOT / "trexton").rglob("__pycache__/*.nb?"):  # old and long as its source
-        place = tmp_path / compiled.relative_to(ROOT)
-        place.parent.mkdir(exist_ok=True)
-        shutil.copy2(compiled, place)
+    compiled = (
+        file for part in ("trexton", "tests") for file in (ROOT / part).rglob("__pycache__/*")
+    )
+    for file in compiled:  # as old and as long as its source
+        if file.suffix in (".pyc", ".nbi", ".nbc"):
+            place = tmp_path / file.relative_to(ROOT)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(file, place)
     if (ROOT / ".mypy_cache").is_dir():
         shutil.copytree(ROOT / ".mypy_cache", tmp_path / ".mypy_cache")
     for body in SECTIONS.values():

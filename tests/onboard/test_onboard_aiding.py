@@ -156,12 +156,10 @@ def test_a_camera_whose_delay_is_known_is_localized_by_the_attitude_of_its_expos
 
 
 def test_what_a_camera_is_late_by_is_no_deadline_that_the_computer_missed(fine, flights):
-    source = late_by(FlightSource(flights[1].select(slice(0, 30)), pace="stamps"), 0.3)
+    source = late_by(FlightSource(flights[1].select(slice(0, 30)), pace="stamps"), 12.0)
     localizer = Localizer(fine, rng=np.random.default_rng(2))
-    localizer.step(flights[1].image(0))  # the first takes longer
-    _, tally, summary = run(localizer, source, rate=4.0)
-    # Each would be late if the camera's .3 s counted; a busy computer misses some by itself.
-    assert tally["late"] < tally["frames"] and summary["latency_s"]["median"] > 0.3
+    _, tally, summary = run(localizer, source, rate=0.1)  # which a busy computer does not miss
+    assert tally["frames"] and not tally["late"] and summary["latency_s"]["median"] > 12.0
 
 
 @pytest.mark.parametrize("drift", [0.0, 0.5])
