@@ -32,14 +32,13 @@ def write_tum(flight: Flight, path: Path) -> Path:
     is not known of z and yaw is 0.
     """
     flight = flight.select(flight.located)
-    height = np.zeros(len(flight)) if flight.height is None else flight.height
-    yaw = np.zeros(len(flight)) if flight.attitude is None else flight.attitude[:, 2]
+    zero = np.zeros(len(flight))
+    height = zero if flight.height is None else flight.height
+    yaw = zero if flight.attitude is None else flight.attitude[:, 2]
     # A vehicle of yaw 0 flies along y (`trexton.vision.camera`).
     half = (np.nan_to_num(yaw) + np.pi / 2) / 2
-    columns = [
-        flight.time, flight.position, np.nan_to_num(height), np.zeros((len(flight), 2)),
-        np.sin(half), np.cos(half),
-    ]  # fmt: skip
+    turn = [zero, zero, np.sin(half), np.cos(half)]
+    columns = [flight.time, flight.position, np.nan_to_num(height), *turn]
     with atomic_file(path) as stream:
         np.savetxt(stream, np.column_stack(columns), fmt="%.9f")
     return path

@@ -32,13 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", nargs="+", metavar="[KIND] SOURCE", help=kinds)
     _let_words_follow_options(parser)
     parser.add_argument("--out", metavar="FLIGHT", help="the Flight folder to write")
-    parser.add_argument(
-        "--dry-run", action="store_true",
-        help="write nothing: print which columns, units, frames and clock would be taken for what",
-    )  # fmt: skip
-    parser.add_argument(
-        "--replace", action="store_true", help="replace the Flight folder that is there"
-    )
+    words = "write nothing: print which columns, units, frames and clock would be taken for what"
+    parser.add_argument("--dry-run", action="store_true", help=words)
+    parser.add_argument("--replace", action="store_true", help="replace the Flight folder there")
     common = parser.add_argument_group("whatever the source")
     common_names = [each.name for each in Common.declared()]
     for each in Common.declared():

@@ -91,10 +91,8 @@ def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argpar
 
 
 def _add_plugin(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--plugin", action="append", default=[], metavar="MODULE",
-        help="import a module of your own first: parts, sinks and sources; repeatable",
-    )  # fmt: skip
+    words = "import a module of your own first: parts, sinks and sources; repeatable"
+    parser.add_argument("--plugin", action="append", default=[], metavar="MODULE", help=words)
 
 
 def main(argv: list[str] | None = None) -> int:

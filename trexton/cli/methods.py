@@ -11,10 +11,8 @@ from trexton.localization.methods import METHODS, ROLES, part_class
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "name", nargs="?", metavar="NAME",
-        help=f"a method or a role, or role=module:Class (default all): {', '.join(ROLES)}",
-    )  # fmt: skip
+    words = f"a method or a role, or role=module:Class (default all): {', '.join(ROLES)}"
+    parser.add_argument("name", nargs="?", metavar="NAME", help=words)
 
 
 def run(arguments: argparse.Namespace) -> int:

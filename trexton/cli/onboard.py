@@ -22,19 +22,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from trexton.onboard.sources import SOURCES
 
     parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
-    parser.add_argument(
-        "--output", dest="outputs", action="append", default=[], metavar="SINK",
-        help="KIND, KIND:ADDRESS or module:Class:ADDRESS, repeatable; kinds: "
-        f"{', '.join(addresses('sinks', SINKS))} (default json)",
-    )  # fmt: skip
+    kinds = ", ".join(addresses("sinks", SINKS))
+    words = f"KIND, KIND:ADDRESS or module:Class:ADDRESS, repeatable; kinds: {kinds} (default json)"
+    parser.add_argument("--output", action="append", default=[], metavar="SINK", help=words)
     words = "another part, or an option of one that trexton methods lists, repeatable"
     add_assignments(parser, "ROLE[.OPTION]=VALUE", words)
     cameras = ", ".join(addresses("sources", SOURCES))
     parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {cameras}."
-    parser.add_argument(
-        "--preflight", action="store_true",
-        help="check camera, map and autopilot for some seconds, a line each, and command nothing",
-    )  # fmt: skip
+    words = "check camera, map and autopilot for some seconds, a line each, and command nothing"
+    parser.add_argument("--preflight", action="store_true", help=words)
     for kind in _classes(parser.get_default("words")):
         add_options(parser, kind)
 
@@ -50,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     settings = Settings(
         arguments.map,
-        tuple(arguments.outputs or ["json"]),
+        tuple(arguments.output or ["json"]),
         tuple(arguments.settings),
         {kind: chosen_options(arguments, kind) for kind in _classes(arguments.words)},
     )

@@ -1,7 +1,7 @@
 """``trexton simulate``: fly in the virtual room. The flight is recorded as a folder."""
 
 import argparse
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from trexton.base.arguments import add_assignments, add_options, assignments, chosen_options
 from trexton.base.errors import ParameterError
@@ -18,9 +18,8 @@ class SimulateOptions(Options):
     """What is flown"""
 
     pattern: str = option(
-        "survey", "survey in lanes (training) or random waypoints an hour later (test)",
-        choices=tuple(PATTERNS),
-    )  # fmt: skip
+        "survey", "lanes (training), or waypoints an hour later (test)", choices=tuple(PATTERNS)
+    )
     frames: int | None = option(None, "number of frames (survey 800, waypoints 415)")
     every: int = option(1, "keep every N-th frame only")
     seed: int | None = option(None, "seed of the flight (survey 1, waypoints 2)")
@@ -48,17 +47,17 @@ def run(arguments: argparse.Namespace) -> int:
         raise ParameterError(
             "--floor-width is given without --floor: it is the width of a floor picture"
         )
-    strengths = Effects.checked(assignments(arguments.settings, "effect=value"), "a camera")
+    effects = Effects.parse(assignments(arguments.settings, "effect=value"), "a camera")
     if options.floor is None:
         floor = Floor.painted(options.layout, options.floor_seed)
     else:
         check_not_read(arguments.out, options.floor)
         width = 5.0 if options.floor_width is None else options.floor_width
         floor = Floor.from_file(options.floor, width)
+    names = ("pattern", "frames", "every", "seed", "height")
+    flown = {name: getattr(options, name) for name in names}
     flight = record_flight(
-        arguments.out, pattern=options.pattern, frames=options.frames, seed=options.seed,
-        floor=floor, effects=replace(Effects(), **strengths), height=options.height,
-        every=options.every, replace=arguments.replace,
-    )  # fmt: skip
+        arguments.out, floor=floor, effects=effects, replace=arguments.replace, **flown
+    )
     say(f"{arguments.out}: {len(flight)} frames, {flight.time[-1] - flight.time[0]:.1f} s")
     return 0

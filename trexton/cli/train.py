@@ -36,9 +36,8 @@ class TrainOptions(Options):
         None, f"parts of the image a side, each with a histogram (default 1; {_USUAL})"
     )
     method: str | None = option(
-        None, "the set of parts to train; unless given, field or fine, by what left-out parts of "
-        "the flight show; the paper's is paper"
-    )  # fmt: skip
+        None, "parts to train (the paper's: paper); else field or fine, by left-out frames"
+    )
     update: str | None = option(
         None, "a map to renew by the flight: old frames that it contradicts are replaced"
     )
@@ -124,11 +123,9 @@ def _trained(
     flight: Flight, options: TrainOptions, method: str, choices: dict[str, Any]
 ) -> tuple[TextonMap, Assessment | None]:
     """A map, and what the method showed on left-out parts of the flight; None of a short one."""
-    texton_map = train_map(
-        flight, method=method, n_textons=options.textons, patch=options.patch, cells=options.cells,
-        # The stream that experiments train with, so that equal seeds give equal maps.
-        rng=stream(options.seed, "training"), **choices,
-    )  # fmt: skip
+    rng = stream(options.seed, "training")  # as experiments do: equal seeds give equal maps
+    choices = {"patch": options.patch, "cells": options.cells, **choices}
+    texton_map = train_map(flight, method=method, n_textons=options.textons, rng=rng, **choices)
     frames = flight.select(flight.located)
     return _assessed(texton_map, frames if method == "fine" else None, options)
 

@@ -10,10 +10,8 @@ from trexton.companion.cli.run import add_run_arguments, print_outcomes
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_run_arguments(parser)
-    parser.add_argument(
-        "--quick", action="store_true",
-        help="the first page, one experiment with its player, and its ledger, in book/_build/quick",
-    )  # fmt: skip
+    words = "the first page, one experiment with its player, and its ledger, in book/_build/quick"
+    parser.add_argument("--quick", action="store_true", help=words)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -12,10 +12,8 @@ from trexton.companion.build.plan import run_experiments
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "flights", nargs="+", metavar="FLIGHT",
-        help="Flight folders to train on (and to test on, by their splits)",
-    )  # fmt: skip
+    words = "Flight folders to train on (and to test on, by their splits)"
+    parser.add_argument("flights", nargs="+", metavar="FLIGHT", help=words)
     parser.add_argument("--test-flight", metavar="FLIGHT", help="another Flight folder to test on")
     parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these experiments only")
@@ -28,11 +26,10 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """What every verb that runs notebooks takes: ``--set``, ``--explain``, ``--jobs``."""
     words = "a parameter of the notebooks, or of one: mocap_training.samples=200"
     add_assignments(parser, "KEY=VALUE", words)
-    parser.add_argument(
-        "--explain", action="store_true", help="say why each experiment was reused or run"
-    )
-    help_jobs = "notebooks at once (default: as many as fit this machine)"
-    parser.add_argument("--jobs", type=int, metavar="N", help=help_jobs)
+    words = "say why each experiment was reused or run"
+    parser.add_argument("--explain", action="store_true", help=words)
+    words = "notebooks at once (default: as many as fit this machine)"
+    parser.add_argument("--jobs", type=int, metavar="N", help=words)
 
 
 def run(arguments: argparse.Namespace) -> int:

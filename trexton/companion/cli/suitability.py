@@ -23,10 +23,8 @@ from trexton.companion.executor import spreading, working_on
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from trexton.companion.experiments.virtual_flights import VirtualFlights
 
-    parser.add_argument(
-        "images", nargs="+", metavar="IMAGE",
-        help="plan, mosaic or photograph of a floor, or a painted one such as moved:3",
-    )  # fmt: skip
+    words = "plan, mosaic or photograph of a floor, or a painted one such as moved:3"
+    parser.add_argument("images", nargs="+", metavar="IMAGE", help=words)
     parser.add_argument("--width", type=float, metavar="M", help="width of the floor in metres")
     add_options(parser, VirtualFlights)
     parser.add_argument("--out", metavar="DIR", help="write the heat maps and all numbers there")

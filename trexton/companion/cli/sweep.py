@@ -12,17 +12,14 @@ _TLS = ("ca-file", "client.cert", "client.key")  # as Dask calls them
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "plan", metavar="PLAN",
-        help="a TOML file: experiment, flights, test_flight, and a table [set] with the values of "
-        "parameters, of which all combinations are run",
-    )  # fmt: skip
+    words = (
+        "a TOML file: experiment, flights, test_flight, a table [set] whose combinations are run"
+    )
+    parser.add_argument("plan", metavar="PLAN", help=words)
     parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
     parser.add_argument("--jobs", type=int, metavar="N", help="cells at once")
-    parser.add_argument(
-        "--cluster", metavar="ADDRESS",
-        help="run on a Dask cluster, such as tls://HOST:8786, whose workers see the same folders",
-    )  # fmt: skip
+    words = "run on a Dask cluster, such as tls://HOST:8786, whose workers see the same folders"
+    parser.add_argument("--cluster", metavar="ADDRESS", help=words)
     for name, held in (("ca", "authority"), ("cert", "certificate"), ("key", "private key")):
         parser.add_argument(f"--tls-{name}", metavar="PEM", help=f"{held}, for a tls:// address")
 

@@ -26,27 +26,24 @@ class Search(Options):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", help="flight folder; its train split is used where it has one")
     add_options(parser, Search)
-    parser.add_argument(
-        "--methods", nargs="+", default=["paper", "field"], metavar="NAME",
-        help="methods to choose from (default: paper field)",
-    )  # fmt: skip
+    usual, words = ["paper", "field"], "methods to choose from (default: paper field)"
+    parser.add_argument("--methods", nargs="+", default=usual, metavar="NAME", help=words)
 
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.companion.checks.tuning import choose, commands, frontier, search
     from trexton.flights.folder import read_flight
 
-    asked = chosen_options(arguments, Search)
+    goal = chosen_options(arguments, Search)
     flight = read_flight(arguments.flight).part_or_all("train")
     tried = search(
-        flight, methods=arguments.methods, trials=asked.trials, seconds=asked.seconds,
-        seed=asked.seed,
-    )  # fmt: skip
+        flight, methods=arguments.methods, trials=goal.trials, seconds=goal.seconds, seed=goal.seed
+    )
     print(f"{len(tried)} settings tried; none has a smaller error in less time than these:")
     for one in frontier(tried):
         print(one)
-    best = choose(tried, asked.budget_s)
-    within = "" if asked.rate is None else f", within {1000 * asked.budget_s:.3g} ms a frame"
+    best = choose(tried, goal.budget_s)
+    within = "" if goal.rate is None else f", within {1000 * goal.budget_s:.3g} ms a frame"
     print(f"\nThe cheapest of those with the smallest error{within}:")
     print("\n".join(commands(best.setting, arguments.flight, "tuned.npz")))
     return 0
