@@ -169,8 +169,8 @@ def repair_flight(
     if left_out := {*unusable, *frozen}:
         if len(left_out) == len(flight):
             raise FlightError(f"{path}/{next(iter(unusable.values()))}")
-        for rows, why in ((unusable, "cannot be read or has another size"),
-                          (frozen, "is the one before to the byte")):  # fmt: skip
+        unread, same = "cannot be read or has another size", "is the one before to the byte"
+        for rows, why in ((unusable, unread), (frozen, same)):
             if rows:
                 named = f"frames.csv, row {ranges(np.array(sorted(rows)))}"
                 done.append(f"{count_of(len(rows), 'frame')} left out whose image {why} ({named})")

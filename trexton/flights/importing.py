@@ -242,14 +242,18 @@ def _flight(
     first = int(recording.time_ns[0])
     noted = [line for line in recording.said if line.startswith(TAKEN) or SET_BACK in line]
     return Flight(
-        name=name, frame=np.arange(len(place)), time=(recording.time_ns - first) / NANO,
+        name=name,
+        frame=np.arange(len(place)),
+        time=(recording.time_ns - first) / NANO,
         position=place,
         area=area_around(place if located else np.array([[0.0, 0], [1, 1]]), 0.02, 0.01),
         height=height if np.isfinite(height).any() else None,
-        attitude=placed.attitude, histograms=recording.histograms, features=recording.features,
+        attitude=placed.attitude,
+        histograms=recording.histograms,
+        features=recording.features,
         rectification=done if done and done.changes else None,
         camera=done.camera(recording.camera) if done else recording.camera,
         origin=None if recording.track is None else recording.track.origin,
         source=recording.source,
         notes=(f"time zero is stamp {first} ns of the source", *noted),
-    )  # fmt: skip
+    )

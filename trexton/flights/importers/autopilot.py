@@ -6,7 +6,7 @@
 
 import io
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,11 @@ from trexton.flights.importers.recording import PoseTrack, local_metres, nanosec
 
 # Messages of ArduPilot that hold a position, the best first, or an attitude, and their parts.
 _MESSAGES = {
-    "POS": ("Lat", "Lng", "RelHomeAlt"), "GPS": ("Lat", "Lng", "RAlt"),
-    "XKF1": ("PE", "PN", "PD"), "NKF1": ("PE", "PN", "PD"), "ATT": ("Roll", "Pitch", "Yaw"),
-}  # fmt: skip
+    "POS": ("Lat", "Lng", "RelHomeAlt"),
+    "GPS": ("Lat", "Lng", "RAlt"),
+    **dict.fromkeys(("XKF1", "NKF1"), ("PE", "PN", "PD")),
+    "ATT": ("Roll", "Pitch", "Yaw"),
+}
 _NUMBER = r"([-+]?\d+(?:[.,]\d+)?)"
 # DJI's two ways; the first gives longitude before latitude.
 _GPS = re.compile(rf"GPS\s*\({_NUMBER},\s*{_NUMBER}")
@@ -165,6 +167,4 @@ def _px4(path: Path) -> PoseTrack | None:
     )
 
 
-_READERS: dict[str, Callable[[Path], PoseTrack | None]] = {
-    ".bin": _ardupilot, ".srt": _subtitles, ".ulg": _px4
-}  # fmt: skip
+_READERS = {".bin": _ardupilot, ".srt": _subtitles, ".ulg": _px4}

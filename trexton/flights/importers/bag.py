@@ -90,11 +90,9 @@ def read(source: Path, settings: Settings) -> Recording:
         posed[:, clock], values[:, :3], values[:, 3:], settings.axes, f"{source}, {poses}", lines
     )
     decoded = partial(_decoded, f"{bag.source}: an image of {images}")
-    return Recording(
-        shot[:, clock], track,
-        Forward(bag.source, np.arange(len(shot)), partial(bag.messages, images), decoded),
-        source=f"bag {source.name}: {images}, {poses}", said=said + taken,
-    )  # fmt: skip
+    frames = Forward(bag.source, np.arange(len(shot)), partial(bag.messages, images), decoded)
+    name = f"bag {source.name}: {images}, {poses}"
+    return Recording(shot[:, clock], track, frames, source=name, said=said + taken)
 
 
 class _Bag:

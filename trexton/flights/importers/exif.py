@@ -120,12 +120,12 @@ def _values(xmp: bytes) -> dict[str, float]:
     text = xmp.decode("utf-8", "replace")
     number = r"([-+]?\d{1,9}(?:[.,]\d+)?(?:[eE][-+]?\d\d?)?)(?![\d.eE])(?:/(\d+))?"
     found = re.findall(rf"([\w-]+):(\w+)(?:\s*=\s*[\"']|>)\s*{number}", text)
-    return {
-        f"Camera:{name}" if name in _PARTS else name:
-            float(above.replace(",", ".")) / (float(below or 1) or np.nan)
-        for space, name, above, below in found
-        if space == "Camera" or name not in _PARTS
-    }  # fmt: skip
+    values = {}
+    for space, name, above, below in found:
+        if space == "Camera" or name not in _PARTS:
+            known = f"Camera:{name}" if name in _PARTS else name
+            values[known] = float(above.replace(",", ".")) / (float(below or 1) or np.nan)
+    return values
 
 
 def _attitude(values: dict[str, float]) -> tuple[float, float, float]:

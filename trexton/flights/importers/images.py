@@ -97,7 +97,5 @@ def _calibration(path: Path, frames: ImageFiles | Forward, size: tuple[int, int]
             f"the calibration is for {camera.width}x{camera.height}, the images are "
             f"{size[0]}x{size[1]}"
         )
-    center = tuple(map(float, camera.principal_point))
-    return {
-        "focal": float(camera.focal), "center": center, "distortion": tuple(distortion.tolist()),
-    }  # fmt: skip
+    focal, center = float(camera.focal), tuple(map(float, camera.principal_point))
+    return {"focal": focal, "center": center, "distortion": tuple(distortion.tolist())}

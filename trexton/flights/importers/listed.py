@@ -60,12 +60,13 @@ class Euroc:
         place = TrackColumns(names[0], names[1], names[2], names[3], time_unit="ns")
         columns = replace(place, quaternion=turn, axes=settings.axes)
         track, said = columns.of(positions)
-        return Recording(
-            table.nanoseconds("stamp", "ns"), track,
-            ImageFiles(tuple(folder / "data" / name for name in table.texts("file"))),
-            camera=camera, source=f"ASL folder, {settings.camera} and {found}",
-            said=[f"positions from {found}", *said],
-        )  # fmt: skip
+        files = ImageFiles(tuple(folder / "data" / name for name in table.texts("file")))
+        name, said = (
+            f"ASL folder, {settings.camera} and {found}",
+            [f"positions from {found}", *said],
+        )
+        stamps = table.nanoseconds("stamp", "ns")
+        return Recording(stamps, track, files, camera=camera, source=name, said=said)
 
 
 def _mav(source: Path) -> Path:
@@ -221,7 +222,5 @@ class Features:
         if not names:
             raise FlightError(f"{source}: no column of values beside the positions: add some")
         values = [table.numbers(name, missing_allowed=False) for name in names]
-        return Recording(
-            stamps, track, histograms=np.column_stack(values), features=settings.features,
-            source=f"features of {source.name}", said=said,
-        )  # fmt: skip
+        rows, name = np.column_stack(values), f"features of {source.name}"
+        return Recording(stamps, track, None, rows, settings.features, source=name, said=said)

@@ -108,8 +108,7 @@ def _motive(rows: list[Row]) -> _Export:
 
 def _vicon(rows: list[Row]) -> _Export:
     """Rate, names over their first column, axes, units: a row each, in each of several tables."""
-    begins = {row[0].lower(): number for number, row in enumerate(rows)
-              if row and not any(row[1:])}  # fmt: skip
+    begins = {row[0].lower(): n for n, row in enumerate(rows) if row and not any(row[1:])}
     begin = next(begins[kind] for kind in _VICON if kind in begins)
     (rate, *_), names, axes, units = rows[begin + 1 : begin + 5]
     bodies: dict[str, dict[str, int]] = {}
@@ -138,8 +137,8 @@ def _vicon(rows: list[Row]) -> _Export:
 
 def _qualisys(rows: list[Row]) -> _Export:
     """Keys with values, then columns: of 6D x, y, z, angles, residual, nine of a matrix."""
-    keys = {row[0].strip(): [each.strip() for each in row[1:] if each.strip()]
-            for row in rows[:20] if row}  # fmt: skip
+    head = [[cell.strip() for cell in row] for row in rows[:20]]
+    keys = {row[0]: list(filter(None, row[1:])) for row in head if row}
     at, axes = next(
         (number, [cell.strip() for cell in row])
         for number, row in enumerate(rows)

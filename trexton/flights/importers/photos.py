@@ -35,10 +35,12 @@ OTHERS = (".heic", ".heif", ".avif", ".webp", ".dng", ".raw", ".cr2", ".cr3", ".
 _NEAR = 100 / 6371  # radii of the Earth
 # What columns of a table may be called: by exiftool, Pix4D, Metashape and by hand.
 _COLUMNS = {
-    "lat": r"^[xy/ ]*(gps)?[ _]?lat(?!.*ref$)", "lon": r"^[xy/ ]*(gps)?[ _]?(lon|lng)(?!.*ref$)",
-    "alt_m": r"^[z/ ]*(gps)?[ _]?alt(?!.*ref$)", "time": r"^time|date.?time",
+    "lat": r"^[xy/ ]*(gps)?[ _]?lat(?!.*ref$)",
+    "lon": r"^[xy/ ]*(gps)?[ _]?(lon|lng)(?!.*ref$)",
+    "alt_m": r"^[z/ ]*(gps)?[ _]?alt(?!.*ref$)",
+    "time": r"^time|date.?time",
     "file": r"file|^image|^label|^photo|^name",
-}  # fmt: skip
+}
 _BAND = re.compile(r"[_-](\d{1,2}|[A-Za-z]{2,6})$")  # ends the names of multispectral bands
 
 
@@ -93,10 +95,8 @@ def read(source: Path, settings: Settings) -> Recording:
         track, words_of_heights = _track([shots[file] for file in known], settings.ground)
         words += words_of_heights + missing_zones({file: shots[file] for file in known}, 1)
         stamps = track.time_ns
-    return Recording(
-        stamps, track, ImageFiles(tuple(known)), source=f"photographs of {source.name}",
-        said=said + words,
-    )  # fmt: skip
+    name, frames = f"photographs of {source.name}", ImageFiles(tuple(known))
+    return Recording(stamps, track, frames, source=name, said=said + words)
 
 
 def _left_out(count: int) -> list[str]:
@@ -203,27 +203,23 @@ def _by_name(path: Path, names: list[str], files: list[Path]) -> dict[Path, int]
 
 
 def _from_table(path: Path, files: list[Path]) -> dict[Path, Shot]:
-    table = read_table(path)
-    table = replace(table, cells={
-        next((what for what, so in _COLUMNS.items() if re.search(so, name, re.I)), name):
-            [_of_exiftool(cell) for cell in cells]
-        for name, cells in reversed([*table.cells.items()])  # of several such the first counts
-    })  # fmt: skip
+    table, known = read_table(path), dict[str, list[str]]()
+    for name, cells in table.cells.items():
+        what = next((what for what, so in _COLUMNS.items() if re.search(so, name, re.I)), name)
+        known.setdefault(what, [_of_exiftool(cell) for cell in cells])
+    table = replace(table, cells=known)
     latitude, longitude = table.numbers("lat"), table.numbers("lon")
     altitude = table.numbers("alt_m") if "alt_m" in table.header else np.nan + latitude
     taken = table.texts("time") if "time" in table.header else None
     rows = _by_name(path, table.texts("file"), files)
     shots = {file: read_shot(file) for file in rows}
     timed = all(shot.time_ns for shot in shots.values())
-    return {
-        file: replace(
-            shots[file], latitude=latitude[row], longitude=longitude[row], altitude=altitude[row],
-            time_ns=time_of(path, taken[row]) if taken else
-            shots[file].time_ns if timed else row * NANO,
-            zoned=taken is not None or shots[file].zoned,
-        )
-        for file, row in rows.items()
-    }  # fmt: skip
+    for file, row in rows.items():
+        place = {"latitude": latitude[row], "longitude": longitude[row], "altitude": altitude[row]}
+        stamp = time_of(path, taken[row]) if taken else shots[file].time_ns if timed else row * NANO
+        zoned = taken is not None or shots[file].zoned
+        shots[file] = replace(shots[file], **place, time_ns=stamp, zoned=zoned)
+    return shots
 
 
 def _of_exiftool(text: str) -> str:

@@ -158,10 +158,8 @@ class Recording:
         """The recording with these of its frames, and a sentence that says so."""
         frames = None if self.frames is None else self.frames.at(chosen)
         histograms = None if self.histograms is None else self.histograms[chosen]
-        return replace(
-            self, time_ns=self.time_ns[chosen], frames=frames, histograms=histograms,
-            said=[*self.said, said],
-        )  # fmt: skip
+        time_ns, words = self.time_ns[chosen], [*self.said, said]
+        return replace(self, time_ns=time_ns, frames=frames, histograms=histograms, said=words)
 
 
 def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[PoseTrack, float]:

@@ -74,11 +74,10 @@ def read(source: Path, settings: Settings) -> Recording:
         first = f"number {damaged[0] + 1}, at {stamps[damaged[0]]:.2f} s"
         cut.append(f"{source}: damaged frames, left out: {len(damaged)} (first: {first})")
     rows = np.setdiff1d(np.arange(len(stamps)), damaged)[:: settings.every]
-    return Recording(
-        nanoseconds(stamps[rows]), track.shifted(-offset),
-        Forward(source, rows, lambda: _stamped(source), lambda item: item[1]),
-        source=f"video {source.name}", said=[said, *read_so, *cut],
-    )  # fmt: skip
+    frames = Forward(source, rows, lambda: _stamped(source), lambda item: item[1])
+    name, words = f"video {source.name}", [said, *read_so, *cut]
+    time_ns, track = nanoseconds(stamps[rows]), track.shifted(-offset)
+    return Recording(time_ns, track, frames, source=name, said=words)
 
 
 def estimate_offset(
@@ -104,13 +103,11 @@ def estimate_offset(
     stamps = stamps - np.diff(stamps, prepend=stamps[0]) / 2  # in the middle of each motion
     grid, frames = np.arange(time[0], time[-1], _GRID), np.arange(stamps[0], stamps[-1], _GRID)
     path = np.column_stack([np.interp(grid, time, column) for column in track.position[:, :2].T])
+    speed = np.hypot(*np.gradient(path, _GRID, axis=0).T)
+    moved = np.interp(frames, stamps, motion)
     width = round(_AROUND / _GRID)
-    speed, moved = (
-        np.convolve(values, np.full(width, 1 / width), mode="same")
-        for values in (
-            np.hypot(*np.gradient(path, _GRID, axis=0).T), np.interp(frames, stamps, motion)
-        )
-    )  # fmt: skip
+    window = np.full(width, 1 / width)
+    speed, moved = (np.convolve(values, window, mode="same") for values in (speed, moved))
     half = min(len(speed), len(moved)) // 2
     shifts = np.arange(half - len(moved), len(speed) - half)
     correlations = np.full(len(shifts), -1.0)
