@@ -39,6 +39,7 @@ def read_cyberzoo(
     log = np.loadtxt(position_file, delimiter=",", skiprows=1)
     frame = np.arange(FIRST, LAST + 1)
     position = log[frame, 1:3] / 100
+    mirrored = {"train_mirrored": (300, 624), "test_mirrored": (1, 299)}
     return Flight(
         name="cyberzoo",
         frame=frame,
@@ -46,15 +47,12 @@ def read_cyberzoo(
         position=position,
         area=area_around(position),
         histograms=histograms[frame],
-        split={
-            "train": (1, 325), "test": (326, 624),
-            "train_mirrored": (300, 624), "test_mirrored": (1, 299),
-        },
+        split={"train": (1, 325), "test": (326, 624), **mirrored},
         source="https://github.com/Pold87/paparazzi_new (V. Strobel, R. Meertens, G.C.H.E. de "
         "Croon)",
         licence="GPL-2.0",
         notes=NOTES,
-    )  # fmt: skip
+    )
 
 
 def read_ble(*files: Path) -> Flight:
@@ -72,9 +70,15 @@ def read_ble(*files: Path) -> Flight:
     )
     last = len(time) - 1
     return Flight(
-        name="ble", frame=np.arange(len(time)), time=time, position=places,
-        area=area_around(places), histograms=values, features="signals",
+        name="ble",
+        frame=np.arange(len(time)),
+        time=time,
+        position=places,
+        area=area_around(places),
+        histograms=values,
+        features="signals",
         split={"train": (0, last - tested), "test": (last - tested + 1, last)},
         source="https://github.com/philotuxo/Position-Annotated-BLE-RSSI-Dataset (F. S. Danis et "
-        "al., Pervasive and Mobile Computing 81, 2022)", licence="CC0-1.0",
-    )  # fmt: skip
+        "al., Pervasive and Mobile Computing 81, 2022)",
+        licence="CC0-1.0",
+    )

@@ -135,8 +135,6 @@ def template_environment() -> Environment:
     )
     # A name is an entry, also where dict has a method of that name.
     environment.getattr = environment.getitem  # type: ignore[method-assign, assignment]
-    environment.filters |= {
-        "fixed": fixed, "span": span, "text": text, "number": number, "percent": percent,
-        "interval": interval,
-    }  # fmt: skip
+    filters = (fixed, span, text, number, percent, interval)
+    environment.filters |= {each.__name__: each for each in filters}
     return environment

@@ -202,10 +202,8 @@ def build(
 def _broken(step: Step, by_name: dict[str, Step], outcomes: dict[str, Outcome]) -> str:
     """The first step that failed, or was skipped, and leaves what `step` reads."""
     read = {fact.name for fact in step.reads}
-    return next(
-        name for name, one in outcomes.items() if one.status in ("failed", "skipped")
-        and read.intersection(fact.name for fact in by_name[name].leaves)
-    )  # fmt: skip
+    broken = (by_name[name] for name, one in outcomes.items() if not one.good)
+    return next(each.name for each in broken if read & {fact.name for fact in each.leaves})
 
 
 @contextmanager
@@ -233,11 +231,11 @@ def _session(
         remote=False,
     )
     quiet, pytask.console.quiet = pytask.console.quiet, True
+    how: dict[str, Any] = {"capture": "no", "verbose": 0, "disable_warnings": True}
     try:
         session = pytask.build(
-            tasks=list(tasks), config=config, paths=[root], capture="no", verbose=0,
-            parallel_backend="custom", n_workers=jobs, disable_warnings=True,
-        )  # fmt: skip
+            tasks=tasks, config=config, paths=root, parallel_backend="custom", n_workers=jobs, **how
+        )
     finally:
         pytask.console.quiet = quiet
     if session.exit_code in (pytask.ExitCode.CONFIGURATION_FAILED, pytask.ExitCode.DAG_FAILED):

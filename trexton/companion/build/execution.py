@@ -61,10 +61,15 @@ def execute(
         _register_engine()
         logging.getLogger("papermill").setLevel(logging.ERROR)  # parameters need no default
         papermill.execute_notebook(
-            original, executed, parameters={**parameters, "out": str(work)}, engine_name="trexton",
-            kernel_name="python3", progress_bar=False, environment=_environment(threads),
+            original,
+            executed,
+            parameters={**parameters, "out": str(work)},
+            engine_name="trexton",
+            kernel_name="python3",
+            progress_bar=False,
+            environment=_environment(threads),
             connection=str(work.with_name("kernel.json")),
-        )  # fmt: skip
+        )
     except PapermillExecutionError as fault:
         # Counted as in the source: papermill put a cell of its own in after number `given`.
         number = fault.cell_index + (fault.cell_index <= given)

@@ -214,7 +214,5 @@ def given(parameters: type[Options], names: Mapping[str, object]) -> Given:
             )
     chosen = {each.name: names[each.name] for each in parameters.declared() if each.name in names}
     flight, test_flight, out = (names.get(name) for name in mine)
-    return Given(
-        str(flight), None if test_flight is None else str(test_flight), str(out),
-        parameters(**chosen),
-    )  # fmt: skip
+    second = None if test_flight is None else str(test_flight)
+    return Given(str(flight), second, str(out), parameters(**chosen))

@@ -84,10 +84,8 @@ def make_book(
     prepared = prepare_flights(Path("data") / "flights", quick)
     results = Path("results") / "quick" if quick else Path("results")
     html = Path("book") / "_build" / ("quick" if quick else "html")
-    contents = Contents(
-        Path("book"), results, prepared.pairs, (), prepared.absent,
-        toc_file="_toc_quick.yml" if quick else "_toc.yml",
-    )  # fmt: skip
+    toc = "_toc_quick.yml" if quick else "_toc.yml"
+    contents = Contents(Path("book"), results, prepared.pairs, (), prepared.absent, toc)
     outcomes = run_experiments(
         prepared.pairs, results, only=contents.named, settings=settings, jobs=jobs
     )

@@ -103,8 +103,7 @@ def _tables(article: Tag) -> None:
     on a phone a list of cards where it is wide or wordy.
     """
     for table in article.find_all("table"):
-        rows = [[cell.get_text(" ") for cell in row.find_all(["td", "th"])]
-                for row in table.find_all("tr")]  # fmt: skip
+        rows = [[cell.get_text(" ") for cell in row.select("td, th")] for row in table.select("tr")]
         if table.find_parent("table") or not any(rows):
             continue
         for cell in table.select("thead th"):

@@ -165,8 +165,8 @@ def edge_table(edges: Iterable[type[Edge]], flag: str) -> str:
     """A table of sinks or sources: addresses and what they mean, then the options."""
     edges = list(dict.fromkeys(edges))
     rows = [f"| `{flag}` | |", "|---|---|"]
-    rows += [f"| `{address}` | {meaning} |" for edge in edges
-             for address, meaning in edge.addresses.items()]  # fmt: skip
+    for edge in edges:
+        rows += [f"| `{address}` | {meaning} |" for address, meaning in edge.addresses.items()]
     options = [(kind, each) for kind in classes_of_options(edges) for each in kind.declared()]
     if options:
         rows += ["", "| option | default | |", "|---|---|---|"]

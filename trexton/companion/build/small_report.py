@@ -25,14 +25,13 @@ def write_report(
     `player` is the address of a page beside it that plays the test flight, `flight` the folder
     that its commands name, `doubts` what its check warns of.
     """
-    figures = [
-        (assessment.over_the_floor(record), "floor",
-         "The error to expect at every place, from the training frames alone, and the test flight "
-         "on it."),
-        (assessment.error_shares(record), "errors",
-         "How many frames were off by less than a distance; dashed lines know nothing of the "
-         "place."),
-    ]  # fmt: skip
+    captions = {
+        "floor": "The error to expect at every place, from the training frames alone, and the test "
+        "flight on it.",
+        "errors": "How many frames were off by less than a distance; dashed lines know nothing of "
+        "the place.",
+    }
+    figures = assessment.over_the_floor(record), assessment.error_shares(record)
     sections = {
         "Mend the flight first (trexton check --repair)": doubts,
         "Where it fails": advice.where_it_fails(record),
@@ -52,7 +51,7 @@ def write_report(
         commands=[command for command in advice.commands(record, flight) if command],
         figures=[
             (inline_figure(with_phone(svg, for_phones(figure)), name, caption), caption)
-            for figure, name, caption in figures
+            for figure, (name, caption) in zip(figures, captions.items(), strict=True)
             if (svg := to_svg(figure).decode())
         ],
         player=player,

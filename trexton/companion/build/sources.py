@@ -164,20 +164,19 @@ def stage(contents: Contents, folder: Path) -> None:
 def _names(contents: Contents) -> dict[str, Any]:
     """The names that prose may use."""
     records = records_by_name(contents.results, contents.outcomes)
-    flights = [
-        {
+    flights = []
+    for pair in contents.pairs:
+        good, folder = contents.good(pair.name), contents.results / pair.name
+        missing = [o for o in contents.outcomes if o.flight == pair.name and not o.good]
+        known = {
             "name": pair.name,
             "train": pair.train,
             "test": pair.test,
-            "notes": pair.train.notes,
-            "experiments": [(name, _title(name)) for name in contents.good(pair.name)],
-            "players": [name for name in contents.good(pair.name)
-                        if (contents.results / pair.name / f"{name}-player.html").is_file()],
-            "skipped": [(_title(o.experiment), o.reasons[0]) for o in contents.outcomes
-                        if o.flight == pair.name and o.status in ("skipped", "failed")],
+            "experiments": [(name, _title(name)) for name in good],
+            "players": [name for name in good if (folder / f"{name}-player.html").is_file()],
+            "skipped": [(_title(o.experiment), o.reasons[0]) for o in missing],
         }
-        for pair in contents.pairs
-    ]  # fmt: skip
+        flights.append(known)
 
     def first_figure(experiment: str) -> str:
         """A reference to the first figure of an experiment, in brackets, if it has one."""

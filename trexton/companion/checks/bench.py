@@ -15,6 +15,7 @@ from functools import partial
 from importlib.metadata import version
 from itertools import cycle
 from pathlib import Path
+from subprocess import PIPE
 from typing import Any
 
 import numpy as np
@@ -50,8 +51,8 @@ _FRAMES: tuple[tuple[str, tuple[str, ...], float | None], ...] = (
 def train(scene: Scene) -> Contests:
     """A map of the flight, on two threads, against decoding its images once."""
     for method, limit in (("paper", 4.0), ("field", 5.0)):
-        ours = f"train {method}", f"{len(scene.flight)} frames", partial(_anew, scene, method)
-        yield Contest(*ours, *scene.decoding, limit, threads=2, rounds=3)
+        ours = partial(_anew, scene, method)
+        yield scene.contest(f"train {method}", ours, limit, threads=2, rounds=3)
 
 
 def _anew(scene: Scene, method: str) -> TextonMap:
@@ -230,10 +231,8 @@ def measure_board(frames: int = 600, method: str = "field", seed: int = 1) -> di
 def _flown(words: list[str]) -> tuple[float, dict[str, Any]]:
     """Seconds to the first position of the script, and its summary."""
     began = time.monotonic()
-    script = subprocess.Popen(
-        [sys.executable, "-m", "trexton", *words],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | _ONE_THREAD,
-    )  # fmt: skip
+    command, env = [sys.executable, "-m", "trexton", *words], os.environ | _ONE_THREAD
+    script = subprocess.Popen(command, stdout=PIPE, stderr=PIPE, text=True, env=env)
     assert script.stdout is not None
     script.stdout.readline()
     first_s = time.monotonic() - began

@@ -109,10 +109,15 @@ class Scene:
 
         return record_flight(self.folder / "flight", frames=self.frames, seed=self.seed)
 
-    @property
-    def decoding(self) -> tuple[str, Callable[[], object]]:
-        """The yardstick of what works on the whole flight."""
-        return "decoding the images", lambda: list(map(self.flight.image, range(self.frames)))
+    def contest(
+        self, stage: str, ours: Callable[[], object], limit: float, frames: int = 0, **how: int
+    ) -> Contest:
+        """What works on all of so many frames (its flight's), beside decoding the flight once."""
+        image, rows = self.flight.image, range(self.frames)
+        size = f"{frames or len(self.flight)} frames"
+        return Contest(
+            stage, size, ours, "decoding the images", lambda: list(map(image, rows)), limit, **how
+        )
 
     @cached_property
     def views(self) -> list[np.ndarray]:

@@ -32,10 +32,7 @@ def learning(scene: Scene) -> Iterator[Contest]:
         learn = partial(
             with_parts, texton_map, {role: part.untrained() for role, part in own.parts.items()}
         )
-        yield Contest(
-            "learn field", f"{len(texton_map.time)} frames", learn, *scene.decoding, limit,
-            rounds=1,
-        )  # fmt: skip
+        yield scene.contest("learn field", learn, limit, len(texton_map.time), rounds=1)
 
 
 def _repeated(texton_map: TextonMap, count: int, seed: int) -> TextonMap:
@@ -66,10 +63,7 @@ def answers(scene: Scene) -> Iterator[Contest]:
     for words, first, whole in ((report, 7.0, 15.0), (suitability, 1.4, 4.5)):
         for what, limit in (("first number", first), ("whole", whole)):
             ask = partial(_ask, words, alone=what != "whole")
-            yield Contest(
-                f"{words[0]}, {what}", f"{len(scene.flight)} frames", ask, *scene.decoding, limit,
-                threads=2, rounds=1,
-            )  # fmt: skip
+            yield scene.contest(f"{words[0]}, {what}", ask, limit, threads=2, rounds=1)
 
 
 def _ask(words: list[str], alone: bool) -> None:
