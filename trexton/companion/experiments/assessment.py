@@ -93,10 +93,9 @@ def _run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     for method in parameters.methods.split():
         rng = stream(parameters.seed, f"map {method}")
         texton_map = for_method(base, method, flight=located, rng=rng)
-        localizer = Localizer(
-            texton_map, samples=parameters.samples, rng=stream(parameters.seed, "flight", 0),
-            particles=parameters.particles if method == "paper" else None,
-        )  # fmt: skip
+        count = parameters.particles if method == "paper" else None
+        rng = stream(parameters.seed, "flight", 0)
+        localizer = Localizer(texton_map, samples=parameters.samples, particles=count, rng=rng)
         track = fly(localizer, frames, times=test.time)
         runs[method], timings[method] = track.position, of_frames(track.step_s)
         if hasattr(texton_map.parts.get("measurement"), "predicted_error"):
@@ -211,10 +210,9 @@ def error_shares(record: Record) -> Figure:
             label, color = LABELS[name]
             error = scale * np.sort(euclidean(np.array(series[f"{name}_m"]), truth))
             share = 100 * np.arange(1, len(error) + 1) / len(error)
-            plot.step(
-                error, share, where="post", color=COLORS[color], label=label,
-                linestyle="--" if name in ("centre", "shuffled") else "-",
-            )  # fmt: skip
+            stroke = "--" if name in ("centre", "shuffled") else "-"
+            line: dict[str, Any] = {"color": COLORS[color], "label": label, "linestyle": stroke}
+            plot.step(error, share, where="post", **line)
         plot.set(xlabel=f"error ({unit})", ylabel="frames below it (%)", ylim=(0, 100))
         plot.set_xlim(0, None)
         legend_above(plot)

@@ -58,13 +58,11 @@ VARIANTS: dict[str, Variant] = {
     "paper": Variant("The paper's filter", "paper", {}),
     "agile": Variant("with more process noise", "paper", {"motion.sigma": WIDE_M}),
     "narrow": Variant("with narrower ranks", "paper", {"measurement.sigma": WIDE_M}),
-    "both": Variant(
-        "with both", "paper", {"motion.sigma": WIDE_M, "measurement.sigma": WIDE_M}
-    ),
+    "both": Variant("with both", "paper", {"motion.sigma": WIDE_M, "measurement.sigma": WIDE_M}),
     "field_whole": Variant("The field of whole images", "field", {}, whole=True),
     "field": Variant("The field", "field", {}),
     "field_camera": Variant("The field with visual odometry", "field", {}, odometry=True),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
@@ -225,10 +223,8 @@ def errors(record: Record) -> Figure:
             share = 100 * (np.arange(len(values)) + 0.5) / len(values)
             label, color = _DRAWN[name]
             plot.plot(share, values, color=COLORS[color], label=label)
-        plot.set(
-            xlim=(0, 100), yscale="log", ylim=(1, None),
-            xlabel="share of the frames (%)", ylabel="error below (cm)",
-        )  # fmt: skip
+        plot.set(xlim=(0, 100), yscale="log", ylim=(1, None))
+        plot.set(xlabel="share of the frames (%)", ylabel="error below (cm)")
         plot.yaxis.set_major_formatter("{x:g}")
         label_ends(plot)
     return figure
@@ -243,19 +239,17 @@ def one_frame(record: Record) -> Figure:
         counts.bar(np.arange(len(histogram)), 100 * histogram, color=COLORS["zone"], label="share")
         counts.set(title="1. The histogram", xlabel="texton", ylabel="share of the patches (%)")
         shares = np.array(seen["likelihood"])
-        most = shares.max()  # what is unlikely shows the page, light or dark
-        likely.imshow(
-            shares, extent=area, origin="lower", cmap="Blues", vmax=1.6 * most, aspect="equal",
-            alpha=np.sqrt(shares / most), label="likelihood",
-        )  # fmt: skip
+        picture = likely.imshow(shares, extent=area, origin="lower", cmap="Blues", vmax=1.6)
+        # What is unlikely shows the page, light or dark.
+        picture.set(alpha=np.sqrt(shares), label="likelihood")
+        ring: dict[str, Any] = {"fillstyle": "none", "markersize": 11, "markeredgewidth": 2}
         for plot, title in (
             (likely, "2. Its likelihood"),
             (before, "3. Hypotheses before"),
             (after, "4. Hypotheses after"),
         ):
             floor_axes(plot, area)
-            plot.plot(*seen["truth_m"], "o", color=COLORS["truth"], fillstyle="none",
-                      markersize=11, markeredgewidth=2, label="truth")  # fmt: skip
+            plot.plot(*seen["truth_m"], "o", color=COLORS["truth"], label="truth", **ring)
             plot.set_title(title)
         for plot, name in ((before, "before"), (after, "after")):
             for each in seen[name]:
@@ -270,14 +264,10 @@ def _ellipse(plot: Axes, hypothesis: dict[str, Any]) -> None:
     root = np.linalg.cholesky(np.array(hypothesis["covariance_m2"]) + 1e-9 * np.eye(2))
     x, y = np.array(hypothesis["mean_m"])
     ring = np.sqrt(HELD) * np.stack([np.cos(turn), np.sin(turn)], axis=1) @ root.T + (x, y)
-    weight = hypothesis["weight"]
-    plot.plot(
-        *ring.T, color=COLORS["field"], linewidth=1 + 1.5 * weight, alpha=0.35 + 0.65 * weight
-    )
-    plot.annotate(
-        f"{100 * weight:.0f} %", ring[7], xytext=(3, 3), textcoords="offset points", fontsize=8.5,
-        color=COLORS["field"],
-    )  # fmt: skip
+    weight, color = hypothesis["weight"], COLORS["field"]
+    plot.plot(*ring.T, color=color, linewidth=1 + 1.5 * weight, alpha=0.35 + 0.65 * weight)
+    words = f"{100 * weight:.0f} %"
+    plot.annotate(words, ring[7], (3, 3), textcoords="offset points", fontsize=8.5, color=color)
 
 
 EXPERIMENT = Experiment(

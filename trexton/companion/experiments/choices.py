@@ -1,7 +1,7 @@
 """What the choices cost that the paper leaves open: one at a time is changed.
 
 Some become what the authors' flight code of 2016 did, which is public; the paper wins where the two
-differ. Others become a way that neither took. The record says which (`FLIGHT_CODE`).
+differ. Others become a way that neither took. The record says which (`flight_code`).
 """
 
 from dataclasses import dataclass
@@ -22,17 +22,16 @@ from trexton.flights.flight import Flight
 from trexton.localization.training import train_map
 from trexton.vision.textons import TextonDictionary
 
-# Variants that do what the flight code did; the others are ways that neither it nor the paper took.
-FLIGHT_CODE = {
-    "sigma_70", "sigma_200", "motion_8", "motion_25", "particles_140", "particles_1000", "winner",
-}  # fmt: skip
+# Ways that the flight code did not take, and all but the first not the paper; it had the others.
+OTHERS = {"paper", "near_in_time", "systematic", "mean", "highest_weight"}
 # key: (how it reads in a table, options of the localizer)
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "paper": ("as the paper says", {}),
     "sigma_70": ("one hand-set sigma of 70 cm for all ranks", {"measurement.sigma": 0.7}),
     "sigma_200": ("one hand-set sigma of 200 cm for all ranks", {"measurement.sigma": 2.0}),
     "near_in_time": (
-        "ranks learned with all other frames allowed as neighbours", {"measurement.excluded_s": 0.0}
+        "ranks learned with all other frames allowed as neighbours",
+        {"measurement.excluded_s": 0.0},
     ),
     "motion_8": ("hand-set motion noise of 8 cm a frame", {"motion.sigma": 0.08}),
     "motion_25": ("hand-set motion noise of 25 cm a frame", {"motion.sigma": 0.25}),
@@ -41,7 +40,7 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "systematic": ("systematic resampling", {"resampling": "systematic"}),
     "mean": ("weighted mean as the estimate", {"estimation": "mean"}),
     "highest_weight": ("heaviest particle as the estimate", {"estimation": "highest-weight"}),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
@@ -60,6 +59,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     Euclidean error in cm with its interval; ``paper`` is the method as it stands.
     """
     texton_map, frames = map_of(train, parameters), frames_of(test)
+    names = ("repeats", "seed", "samples", "particles")
+    common = {name: getattr(parameters, name) for name in names}
     changes = {key: (label, texton_map, options) for key, (label, options) in _CHANGES.items()}
     if test.has_images and train.has_images:
         rng = stream(parameters.seed, "training")  # learned as the flight code did
@@ -71,13 +72,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         if key == "paper":
             runs = flown(train, test, parameters, texton_map=texton_map)
         else:
-            runs = tracks(
-                changed, frames, repeats=parameters.repeats, seed=parameters.seed,
-                samples=parameters.samples, **{"particles": parameters.particles} | options,
-            )  # fmt: skip
+            runs = tracks(changed, frames, **common | options)
         variants[key] = {
             "label": label,
-            "flight_code": key in FLIGHT_CODE,
+            "flight_code": key not in OTHERS,
             "mean_cm": errors_of(runs, test, parameters.seed)["mean_cm"],
         }
     values = {"variants": variants, "order": list(variants)}
@@ -104,11 +102,10 @@ def costs(record: Record) -> Figure:
     with canvas(size=(7.2, 0.7 + 0.4 * len(variants))) as (figure, [[plot]]):
         for row, (key, variant) in enumerate(zip(record.values["order"], variants, strict=True)):
             color = COLORS["paper" if key == "paper" else "zone"]
-            filled = key == "paper" or variant["flight_code"]
-            with_intervals(
-                plot, np.array([row]), [variant["mean_cm"]], across=True, fmt="o", color=color,
-                markerfacecolor=color if filled else "white", markersize=5, elinewidth=2,
-            )  # fmt: skip
+            face = color if key == "paper" or variant["flight_code"] else "white"
+            mark: dict[str, Any] = {"fmt": "o", "color": color, "markersize": 5, "elinewidth": 2}
+            place, mean = np.array([row]), variant["mean_cm"]
+            with_intervals(plot, place, [mean], across=True, markerfacecolor=face, **mark)
         paper = variants[0]["mean_cm"]["value"]
         plot.axvline(paper, color=COLORS["paper"], linewidth=0.9, linestyle="--")
         labels = [fill(variant["label"], 32) for variant in variants]

@@ -94,10 +94,9 @@ def train_and_fly(
     if positions is None:
         runs = flown(train, test, parameters, repeats=parameters.repeats, texton_map=texton_map)
     else:
-        runs = tracks(
-            texton_map, frames_of(test), repeats=parameters.repeats, seed=parameters.seed,
-            samples=parameters.samples, particles=parameters.particles, times=test.time,
-        )  # fmt: skip
+        names = ("repeats", "seed", "samples", "particles")
+        how = {name: getattr(parameters, name) for name in names}
+        runs = tracks(texton_map, frames_of(test), times=test.time, **how)
     rng, known = stream(parameters.seed, "intervals"), texton_map.positions
 
     def summary(estimates: list[np.ndarray]) -> dict[str, Any]:

@@ -17,12 +17,16 @@ from trexton.flights.registry import locate
 GRID_FILTER_CM = 176.0  # mean error of a Gaussian process a receiver with a grid filter
 CLAIMS = (
     {
-        "id": "senses-error", "place": "this project", "measure": "mean error (cm)",
+        "id": "senses-error",
+        "place": "this project",
+        "measure": "mean error (cm)",
         "text": "On radio method field is as good as Gaussian processes with a grid filter",
-        "kind": "below", "bound": GRID_FILTER_CM, "ours": "senses:field.mean_cm",
+        "kind": "below",
+        "bound": GRID_FILTER_CM,
+        "ours": "senses:field.mean_cm",
         "needs": "the public Bluetooth walks",
     },
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True)

@@ -152,10 +152,8 @@ def name_points(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
             found.append((hidden + outside, len(found), right, up, box))
         _, _, right, up, box = min(found, key=lambda each: each[:2])
         taken.append(box)
-        axes.annotate(
-            name, points[name], (5 * right, up), textcoords="offset points", fontsize=8,
-            ha="left" if right > 0 else "right",
-        )  # fmt: skip
+        where = points[name], (5 * right, up), "data", "offset points"
+        axes.annotate(name, *where, fontsize=8, ha="left" if right > 0 else "right")
 
 
 def length_unit(metres: float) -> tuple[str, float]:
@@ -198,10 +196,8 @@ def with_intervals(
 
 def label_rows(axes: Axes, labels: Collection[str], xlabel: str) -> None:
     """A line of the plot for each label, the first on top; values from zero on along x."""
-    axes.set(
-        yticks=range(len(labels)), yticklabels=list(labels), xlabel=xlabel, xlim=(0, None),
-        ylim=(len(labels) - 0.5, -0.5),
-    )  # fmt: skip
+    axes.set_yticks(range(len(labels)), labels=list(labels))
+    axes.set(xlabel=xlabel, xlim=(0, None), ylim=(len(labels) - 0.5, -0.5))
     axes.grid(axis="y", visible=False)
 
 
@@ -220,11 +216,10 @@ def errors_by_row(
     with canvas(size=(7.2, 0.8 + 0.36 * len(rows))) as (figure, [[plot]]):
         for place, (method, found) in enumerate(errors.items()):
             at = np.array([row for row, key in enumerate(rows) if key in found])
-            with_intervals(
-                plot, at + 0.14 * (place - (len(errors) - 1) / 2),
-                [found[key] for key in rows if key in found],
-                across=True, fmt="osD"[place], color=COLORS[method], markersize=4, label=method,
-            )  # fmt: skip
+            at = at + 0.14 * (place - (len(errors) - 1) / 2)
+            shown = [found[key] for key in rows if key in found]
+            mark: dict[str, Any] = {"fmt": "osD"[place], "color": COLORS[method], "markersize": 4}
+            with_intervals(plot, at, shown, across=True, label=method, **mark)
         label_rows(plot, rows.values(), "mean error (cm)")
         least = min(line.get_xdata().min() for line in plot.lines)
         plot.set(xscale="log", xlim=(least / 2, None))
@@ -263,8 +258,6 @@ def label_ends(axes: Axes) -> None:
     last = -np.inf
     for height, line in sorted(ends, key=lambda end: end[0]):
         last = max(height, last + 0.075)
-        axes.annotate(
-            str(line.get_label()), (1, last), xycoords="axes fraction", xytext=(5, 0),
-            textcoords="offset points", color=line.get_color(), fontsize=9, va="center",
-            annotation_clip=False,
-        )  # fmt: skip
+        where = (1, last), (5, 0), "axes fraction", "offset points"
+        label, color = str(line.get_label()), line.get_color()
+        axes.annotate(label, *where, color=color, fontsize=9, va="center")

@@ -46,18 +46,15 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     dictionary = TextonDictionary.learn(patches, parameters.textons, rng=rng)
     trained = MapParameters(parameters.seed, textons=parameters.textons)
     frequency = map_of(train, trained).histograms.mean(axis=0)
-    return parameters.record(
-        train, test,
-        values={
-            "patches": len(patches),
-            "patches_per_image": int(np.prod(position_grid(test.image(0).shape, dictionary.patch))),
-            "patch": dictionary.patch,
-            "frequency": frequency,
-            "fit": _fit(dictionary, patches),
-        },
-        # All textons side by side.
-        images={"textons": bgr_from_yuv(np.concatenate(list(dictionary.textons), axis=1))},
-    )  # fmt: skip
+    values = {
+        "patches": len(patches),
+        "patches_per_image": int(np.prod(position_grid(test.image(0).shape, dictionary.patch))),
+        "patch": dictionary.patch,
+        "frequency": frequency,
+        "fit": _fit(dictionary, patches),
+    }
+    picture = bgr_from_yuv(np.concatenate(list(dictionary.textons), axis=1))  # side by side
+    return parameters.record(train, test, values=values, images={"textons": picture})
 
 
 def _fit(dictionary: TextonDictionary, patches: np.ndarray) -> dict[str, float]:

@@ -79,14 +79,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         timings["homography_ms"] = _homography(
             test.floor, frames[:: max(1, len(frames) // parameters.homography_frames)]
         )
-    return parameters.record(
-        train, test,
-        values={
-            "counts": {"train": len(texton_map.positions), "test": len(test)},
-            "camera_hz": 1 / np.median(np.diff(test.time)),
-        },
-        timings=timings,
-    )  # fmt: skip
+    values = {
+        "counts": {"train": len(texton_map.positions), "test": len(test)},
+        "camera_hz": 1 / np.median(np.diff(test.time)),
+    }
+    return parameters.record(train, test, values=values, timings=timings)
 
 
 def stage_seconds(localizer: Callable[..., Localizer], frames: Any) -> dict[str, np.ndarray]:

@@ -163,10 +163,9 @@ def first_flights(record: Record) -> Figure:
             axes.set_title(f"{number + 1}: {outcome}", fontsize=9)
             handles, labels = axes.get_legend_handles_labels()
             entries |= dict(zip(labels, handles, strict=True))
-        figure.legend(
-            list(entries.values()), list(entries), loc="outside lower center", ncols=3,
-            columnspacing=1.2, handletextpad=0.4,
-        )  # fmt: skip
+        spaced: dict[str, Any] = {"ncols": 3, "columnspacing": 1.2, "handletextpad": 0.4}
+        handles = list(entries.values())
+        figure.legend(handles, list(entries), loc="outside lower center", **spaced)
     return figure
 
 

@@ -55,16 +55,14 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     seed, period = parameters.seed, float(np.median(np.diff(test.time)))
     pushes = readings(test.position, test.time, parameters.vehicles, stream(seed, "accelerometers"))
+    repeats, counted = parameters.repeats, parameters.samples if test.has_images else None
     values: dict[str, Any] = {}
     series: dict[str, Any] = {}
     for name, label in METHODS.items():
         method = method_map(train, parameters, name)
         # All runs with the same histogram of each test frame.
         histograms = drawn_histograms(test, method, parameters.samples, seed)
-        runs = tracks(
-            method, histograms, repeats=parameters.repeats, seed=seed, label=label,
-            counted=parameters.samples if test.has_images else None,
-        )  # fmt: skip
+        runs = tracks(method, histograms, repeats=repeats, seed=seed, label=label, counted=counted)
         judged, series[name] = _claimed(runs, test, stream(seed, "intervals"))
         quoted = flown(train, test, parameters, name, texton_map=method)
         flights = [track.estimates for track in runs]
@@ -78,7 +76,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         for receiver, settings in RECEIVERS.items():
             # A report an age is news, whatever it shares with the one before.
             values[name][receiver] = {
-                sent: _covered(settings, flights, every_s, test, pushes, stream(seed, "intervals"))
+                sent: _covered(
+                    [_fuse(settings, one, every_s, test, pushes) for one in flights], test, seed
+                )
                 for sent, every_s in (("sent", period), ("plain", np.inf))
             }
     return parameters.record(train, test, values=values, series=series)
@@ -120,15 +120,11 @@ def _claimed(
     return values, groups
 
 
-def _covered(
-    settings: Settings, flights: list[list[Estimate]], every_s: float, test: Flight,
-    pushes: np.ndarray, rng: np.random.Generator,
-) -> dict[str, Any]:  # fmt: skip
+def _covered(believed: list[np.ndarray], test: Flight, seed: int) -> dict[str, Any]:
     """How often the truth lies in the 90 % region that receivers believe in, of all flights."""
-    believed = [_fuse(settings, estimates, every_s, test, pushes) for estimates in flights]
     squared = np.concatenate([each[_settled(test, FUSED_SETTLED_S)].T for each in believed])
     held = np.where(np.isfinite(squared), squared < HELD, np.nan)
-    return {"inside": mean_with_interval(held, rng)}
+    return {"inside": mean_with_interval(held, stream(seed, "intervals"))}
 
 
 def _fuse(
@@ -186,14 +182,16 @@ def error_against_claim(record: Record) -> Figure:
         ends = np.concatenate([line.get_xydata() for line in claims.lines])
         both = [ends[ends > 0].min(), ends.max()]
         claims.plot(both, both, color=COLORS["truth"], linewidth=0.9, linestyle="--")
-        claims.set(
-            xlabel="deviation claimed along an axis (cm)", xscale="log",
-            ylabel="error along an axis (cm)", yscale="log",
-        )  # fmt: skip
+        claims.loglog()
+        claims.set(xlabel="deviation claimed along an axis (cm)", ylabel="error along an axis (cm)")
         availability.set(xlabel="frames kept (%)", ylabel="RMS error (cm)", yscale="log")
         plain_log_ticks(claims.xaxis, claims.yaxis, availability.yaxis)
         legend_above(claims)
     return figure
+
+
+# What is sent, the shift of its mark, its form, its face where that has not the method's colour.
+_MARKS = (("sent", -0.15, "o", None), ("plain", 0.15, "s", "white"))
 
 
 def truth_in_the_region(record: Record) -> Figure:
@@ -204,14 +202,13 @@ def truth_in_the_region(record: Record) -> Figure:
             low, high = (100 * share for share in BAND)
             plot.axhspan(low, high, color=COLORS["zone"], alpha=0.2, linewidth=0, zorder=0)
             for place, name in enumerate(order):
-                for offset, sent in zip((-0.15, 0.15), SENT, strict=True):
+                mark: dict[str, Any] = {"color": COLORS[name], "markersize": 6, "scale": 100}
+                for sent, offset, form, face in _MARKS:
+                    at = np.array([place + offset])
                     share = record.values[name][receiver][sent]["inside"]
-                    with_intervals(
-                        plot, np.array([place + offset]), [share], scale=100, color=COLORS[name],
-                        fmt="o" if sent == "sent" else "s", markersize=6,
-                        markerfacecolor=COLORS[name] if sent == "sent" else "white",
-                        label=SENT[sent] if place == len(order) - 1 else None,
-                    )  # fmt: skip
+                    mark["label"] = SENT[sent] if place == len(order) - 1 else None
+                    mark["markerfacecolor"] = face or COLORS[name]
+                    with_intervals(plot, at, [share], fmt=form, **mark)
             plot.set_xticks(range(len(order)), [METHODS[name] for name in order], fontsize=8)
             plot.set(ylim=(0, 102), title=f"like {settings.label}")
             plot.grid(axis="x", visible=False)

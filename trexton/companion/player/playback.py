@@ -86,12 +86,9 @@ def replay(train: Flight, test: Flight, parameters: MapParameters) -> PlayedFlig
             if method == "paper":
                 raise
             continue
-        localizers[label] = Localizer(
-            learned,
-            samples=parameters.samples,
-            rng=stream(parameters.seed, "flight", 0),
-            particles=parameters.particles if method == "paper" else None,
-        )
+        count = parameters.particles if method == "paper" else None
+        rng = stream(parameters.seed, "flight", 0)
+        localizers[label] = Localizer(learned, samples=parameters.samples, particles=count, rng=rng)
     return record_replay(localizers, test)
 
 
