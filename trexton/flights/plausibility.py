@@ -41,7 +41,10 @@ def _scaled(factor: float | np.ndarray, *columns: str) -> Callable[[Flight], Fli
 
 def warnings(flight: Flight) -> list[Doubt]:
     """What the checks say, in their order."""
-    said = (each for check in _CHECKS for each in check(flight))
+    places = (_outside, tracking_doubts, _speed, _heights)
+    views = (_angles, _view, _turning, _extent)
+    others = (_stamps, _splits, _floor, _features)
+    said = (each for check in (*places, *views, *others) for each in check(flight))
     return [each if isinstance(each, Doubt) else Doubt(each) for each in said]
 
 
@@ -283,9 +286,3 @@ def _features(flight: Flight) -> Iterator[str]:
 
 def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
     return int(flight.frame[rows[int(chosen.argmax())]])
-
-
-_CHECKS: tuple[Callable[[Flight], Iterator[str]], ...] = (
-    _outside, tracking_doubts, _speed, _heights, _angles, _view, _turning, _extent,
-    _stamps, _splits, _floor, _features,
-)  # fmt: skip

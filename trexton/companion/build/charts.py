@@ -60,7 +60,8 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
     # Names of marks, of eleven characters, are shortened: thousands of marks carry them.
     body = re.sub(r'\b(id|href)="(#?)(m[\da-f]{6}|[^":]+)[\da-f]*"', rf'\1="\2{name}-\3"', body)
     body = body.replace("url(#", f"url(#{name}-")
-    body = re.sub(r"#[0-9a-fA-F]{6}\b(?!-)", _themed, body)
+    # A theme may change a colour: grey and black turn round in the dark, hues get lighter.
+    body = re.sub(r"(#([\da-f]{6}))\b(?!-)", r"var(--fig-\2, \1)", body)
     body = _styles_once(_PICTURE.sub(_lighter, body), name)
     body = re.sub(r'\b(width|height)="([\d.]+)pt"', _in_pixels, body, count=2)
     box = re.search(r'viewBox="\S+ \S+ ([\d.]+)', body)
@@ -81,12 +82,6 @@ def _styles_once(body: str, name: str) -> str:
 
 def _in_pixels(match: re.Match[str]) -> str:
     return f'{match[1]}="{float(match[2]) * 4 / 3:.0f}"'
-
-
-def _themed(match: re.Match[str]) -> str:
-    """A colour that a theme may change: grey and black turn round in the dark, hues get lighter."""
-    color = match[0].lower()
-    return f"var(--fig-{color[1:]}, {color})"
 
 
 def _lighter(match: re.Match[str]) -> str:

@@ -29,10 +29,7 @@ def stop_all() -> None:
 
 
 def execute(
-    source: Notebook,
-    parameters: Mapping[str, Any],
-    work: Path,
-    threads: int | None,
+    source: Notebook, parameters: Mapping[str, Any], work: Path, threads: int | None
 ) -> tuple[str | None, str | None]:
     """The notebook as far as it was executed, and a sentence where that failed.
 

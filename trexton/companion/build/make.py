@@ -57,10 +57,7 @@ class Made:
 
 
 def make_book(
-    *,
-    settings: Mapping[str, object] | None = None,
-    jobs: int | None = None,
-    quick: bool = False,
+    *, settings: Mapping[str, object] | None = None, jobs: int | None = None, quick: bool = False
 ) -> Made:
     """Make the book of this clone: ``book/_build/html/index.html``.
 

@@ -56,15 +56,11 @@ def find_notebooks(
     for name in experiments:
         path = place / f"{name}.md"
         if not path.is_file() and name not in MODULES:
-            path = _beside(experiments[name])
+            module = find_spec(experiments[name].module)
+            path = Path(str(module and module.origin)).with_suffix(".md")
         if path.is_file():
             notebooks[name] = Notebook(name, str(path), read_text(path))
     return notebooks
-
-
-def _beside(experiment: Experiment) -> Path:
-    """Where the notebook of an experiment outside this package stands."""
-    return Path(str(find_spec(experiment.module).origin)).with_suffix(".md")  # type: ignore[union-attr]
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections import Counter
 from pathlib import Path
 
 from trexton.base.arguments import add_assignments, assignments
@@ -62,8 +63,6 @@ def print_outcomes(outcomes: list[Outcome], explain: bool) -> None:
         if explain or outcome.status in ("failed", "skipped"):
             for reason in outcome.reasons:
                 print(f"        {reason}", file=stream)
-    counts = {
-        status: sum(outcome.status == status for outcome in outcomes)
-        for status in ("ran", "reused", "skipped", "failed")
-    }
-    print(", ".join(f"{count} {status}" for status, count in counts.items() if count))
+    counts = Counter(outcome.status for outcome in outcomes)
+    order = ("ran", "reused", "skipped", "failed")
+    print(", ".join(f"{counts[status]} {status}" for status in order if counts[status]))

@@ -38,11 +38,10 @@ from trexton.companion.experiments.rates import of_frames
 from trexton.companion.experiments.style import (
     COLORS,
     canvas,
-    floor_axes,
     heat_map,
     legend_above,
     length_unit,
-    show_floor,
+    plan_canvas,
 )
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import middle
@@ -181,13 +180,11 @@ def over_the_floor(record: Record) -> Figure:
     series, best = record.series, best_method(record)[0]
     truth, estimate = np.array(series["truth_m"]), np.array(series[f"{best}_m"])
     label, color = LABELS[best]
-    with canvas(size=(6.2, 5.2)) as (figure, [[plan]]):
+    with plan_canvas(record, (6.2, 5.2), fade=0.3) as (figure, plan):
         unit, scale = length_unit(least_error_cm(record) / 100)
-        floor_axes(plan, series["area_m"])
         plan.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
         for axis in (plan.xaxis, plan.yaxis):
             axis.set_major_formatter(lambda metres, _: f"{scale * metres:g}")
-        show_floor(plan, series.get("floor"), record.images.get("floor"), fade=0.3)
         if "predicted" in series:
             heat = scale * np.array(series["predicted"]["error_m"], dtype=float)
             heat_map(figure, plan, heat, series["area_m"], f"predicted error ({unit})")

@@ -215,8 +215,7 @@ def _spans(rows: list[dict[str, Any]], key: str) -> np.ndarray:
     """``(3, N)``: low end, middle and high end of the intervals there."""
     entries = [row[key] for row in rows]
     middles = [entry["median" if "median" in entry else "value"] for entry in entries]
-    ends = ([entry[end] for entry in entries] for end in ("low", "high"))
-    low, high = ends
+    low, high = ([entry[end] for entry in entries] for end in ("low", "high"))
     return np.array([low, middles, high], dtype=float)
 
 

@@ -93,10 +93,7 @@ def replay(train: Flight, test: Flight, parameters: MapParameters) -> PlayedFlig
 
 
 def record_replay(
-    localizers: Mapping[str, Localizer],
-    flight: Flight,
-    *,
-    most_frames: int = 180,
+    localizers: Mapping[str, Localizer], flight: Flight, *, most_frames: int = 180
 ) -> PlayedFlight:
     """Step every localizer through all frames of `flight`, and keep a part of them evenly.
 
@@ -126,24 +123,22 @@ def record_replay(
             continue
         truth = flight.position[row]
         neighbors, counts = estimate.neighbors, estimate.histogram
+        shares = None if counts is None else np.rint(1000 * counts).astype(int).tolist()
+        # A method that compares images counts no patches.
+        counted = flight.has_images and counts is not None
         kept.append(
             {
                 "frame": int(flight.frame[row]),
                 "time_s": round(float(flight.time[row] - flight.time[0]), 2),
                 "truth_cm": _cm(truth),
-                "histogram": None
-                if counts is None
-                else np.rint(1000 * counts).astype(int).tolist(),
+                "histogram": shares,
                 "neighbors_cm": None if neighbors is None else _cm(neighbors.position),
                 "particles_cm": _cm(estimate.particles),
                 "spread_cm": _cm(estimate.spread),
                 "estimates_cm": {name: _cm(place) for name, place in estimates.items()},
                 "errors_cm": {name: _error_cm(place - truth) for name, place in estimates.items()},
                 "image": _uri(_small(bgr_from_yuv(frame), _WIDTH)) if flight.has_images else None,
-                # A method that compares images counts no patches.
-                "patches": _patches(first[1], frame, before)
-                if flight.has_images and counts is not None
-                else None,
+                "patches": _patches(first[1], frame, before) if counted else None,
             }
         )
     return PlayedFlight(
