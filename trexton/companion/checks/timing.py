@@ -76,11 +76,17 @@ class Contest:
         ours_s, yardstick_s = float(np.median(ours)), self.share * float(np.median(theirs))
         ratio = ours_s / yardstick_s
         return {
-            "stage": self.stage, "size": str(self.size), "threads": self.threads, "ours_s": ours_s,
-            "p99_s": float(np.percentile(ours, 99)), "yardstick": self.yardstick,
-            "yardstick_s": yardstick_s, "ratio": ratio, "limit": self.limit,
+            "stage": self.stage,
+            "size": str(self.size),
+            "threads": self.threads,
+            "ours_s": ours_s,
+            "p99_s": float(np.percentile(ours, 99)),
+            "yardstick": self.yardstick,
+            "yardstick_s": yardstick_s,
+            "ratio": ratio,
+            "limit": self.limit,
             "holds": None if self.limit is None else ratio <= self.limit,
-        }  # fmt: skip
+        }
 
 
 def table(rows: Sequence[Row]) -> str:

@@ -271,6 +271,11 @@ def _ellipse(plot: Axes, hypothesis: dict[str, Any]) -> None:
 
 
 EXPERIMENT = Experiment(
-    "The field beside the paper's filter", Parameters, run, finding,
-    needs=POSITIONS, after=("mocap_training",), cost_s=30,
-)  # fmt: skip
+    "The field beside the paper's filter",
+    Parameters,
+    run,
+    finding,
+    needs=POSITIONS,
+    after=("mocap_training",),
+    cost_s=30,
+)

@@ -114,6 +114,11 @@ def costs(record: Record) -> Figure:
 
 
 EXPERIMENT = Experiment(
-    "What the open choices cost", Parameters, run, finding, needs=POSITIONS,
-    after=("mocap_training",), cost_s=40,
-)  # fmt: skip
+    "What the open choices cost",
+    Parameters,
+    run,
+    finding,
+    needs=POSITIONS,
+    after=("mocap_training",),
+    cost_s=40,
+)

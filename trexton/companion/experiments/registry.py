@@ -22,13 +22,30 @@ from trexton.companion.experiments.declaration import Experiment
 LEDGER = "claims"
 _NAMES = (
     # The paper's, in its order, and what it leaves open.
-    "texton_dictionary", "mosaic", "homography_baseline", "mocap_training",
-    "homography_training", "triggered_landing", "trade_off", "timing", "map_loss", "kidnapping",
+    "texton_dictionary",
+    "mosaic",
+    "homography_baseline",
+    "mocap_training",
+    "homography_training",
+    "triggered_landing",
+    "trade_off",
+    "timing",
+    "map_loss",
+    "kidnapping",
     "choices",
     # Beyond the paper.
-    "beyond", "baselines", "senses", "uncertainty", "fine", "touchdown", "rooms", "aiding",
-    "density", "suitability", "assessment",
-)  # fmt: skip
+    "beyond",
+    "baselines",
+    "senses",
+    "uncertainty",
+    "fine",
+    "touchdown",
+    "rooms",
+    "aiding",
+    "density",
+    "suitability",
+    "assessment",
+)
 MODULES = {name: f"trexton.companion.experiments.{name}" for name in _NAMES}
 
 

@@ -57,6 +57,11 @@ def finding(record: Record) -> str:
 
 
 EXPERIMENT = Experiment(
-    "Other senses: the same method on radio", Parameters, run, finding, needs=("histograms",),
-    cost_s=10, claims=CLAIMS,
-)  # fmt: skip
+    "Other senses: the same method on radio",
+    Parameters,
+    run,
+    finding,
+    needs=("histograms",),
+    cost_s=10,
+    claims=CLAIMS,
+)

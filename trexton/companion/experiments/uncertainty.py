@@ -219,6 +219,11 @@ def truth_in_the_region(record: Record) -> Figure:
 
 
 EXPERIMENT = Experiment(
-    "Honest uncertainty", Parameters, run, finding,
-    needs=POSITIONS, after=("mocap_training",), cost_s=40,
-)  # fmt: skip
+    "Honest uncertainty",
+    Parameters,
+    run,
+    finding,
+    needs=POSITIONS,
+    after=("mocap_training",),
+    cost_s=40,
+)
