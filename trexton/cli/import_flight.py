@@ -35,11 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     words = "write nothing: print which columns, units, frames and clock would be taken for what"
     parser.add_argument("--dry-run", action="store_true", help=words)
     parser.add_argument("--replace", action="store_true", help="replace the Flight folder there")
-    common = parser.add_argument_group("whatever the source")
-    common_names = [each.name for each in Common.declared()]
-    for each in Common.declared():
+    group = parser.add_argument_group("whatever the source")
+    common = {each.name: each for each in Common.declared()}
+    for name, each in common.items():
         words = f"{each.meaning} (default {each.default or 'none'})"
-        add_option(common, Common.flag(each.name), each, words, PLACE + each.name)
+        add_option(group, Common.flag(name), each, words, PLACE + name)
     options: dict[str, Option] = {}  # several kinds may have one of a name
     meanings: dict[str, dict[str, list[str]]] = {}  # of an option, and of which kinds
     for kind in addresses("importers", IMPORTERS):
@@ -47,10 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             options[each.name] = each
             meanings.setdefault(each.name, {}).setdefault(each.meaning, []).append(kind)
     group = parser.add_argument_group("of one kind")
-    for name in (name for name in options if name not in common_names):
-        words = "; ".join(
-            f"{', '.join(kinds)}: {meaning}" for meaning, kinds in meanings[name].items()
-        )
+    for name in (name for name in options if name not in common):
+        said = meanings[name].items()
+        words = "; ".join(f"{', '.join(kinds)}: {meaning}" for meaning, kinds in said)
         add_option(group, Common.flag(name), options[name], words, PLACE + name)
 
 

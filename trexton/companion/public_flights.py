@@ -65,9 +65,8 @@ def read_ble(*files: Path) -> Flight:
         parts.append((time - time[0] + clock, values, places[:, :2]))
         clock = parts[-1][0][-1] + PAUSE_S
     time, values, places = (np.concatenate(column) for column in zip(*parts, strict=True))
-    tested = sum(
-        len(part[0]) for part, path in zip(parts, files, strict=True) if "rect" in path.name
-    )
+    walks = zip(parts, files, strict=True)
+    tested = sum(len(part[0]) for part, path in walks if "rect" in path.name)
     last = len(time) - 1
     return Flight(
         name="ble",

@@ -167,11 +167,9 @@ def _cells(
     return cells
 
 
-def _measure_here(
-    call: Call, module: str, pair: FlightPair, parameters: Options, path: Path
-) -> None:
+def _measure_here(call: Call, module: str, pair: FlightPair, chosen: Options, path: Path) -> None:
     paths = [p and str(Path(p).resolve()) for p in (pair.flight, pair.test_flight)]
-    text = call(_measure, module, *paths, parameters.as_dict())
+    text = call(_measure, module, *paths, chosen.as_dict())
     write_file(path, text)
 
 

@@ -155,9 +155,8 @@ def start(scene: Scene) -> Contests:
     help_ = partial(_python, scene, "from trexton.cli.main import main; main(['--help'])")
     bare = "import NumPy and OpenCV", partial(_python, scene, "import numpy, cv2")
     yield Contest("start, trexton --help", "process", help_, *bare, 1.0)
-    yield Contest(
-        "start, first frame", "process", partial(_python, scene, _FIRST_FRAME), *bare, 1.15
-    )
+    first = partial(_python, scene, _FIRST_FRAME)
+    yield Contest("start, first frame", "process", first, *bare, 1.15)
 
 
 def _python(scene: Scene, program: str) -> None:

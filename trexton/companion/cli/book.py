@@ -21,9 +21,8 @@ def run(arguments: argparse.Namespace) -> int:
     print_outcomes(made.outcomes, arguments.explain)
     for sentence in made.said:
         print(sentence)
-    print(
-        f"\nThe book, made in {time.monotonic() - started:.0f} s: open {made.index} in a browser."
-    )
+    seconds = time.monotonic() - started
+    print(f"\nThe book, made in {seconds:.0f} s: open {made.index} in a browser.")
     for sentence in made.findings:
         print(f"- {sentence}")
     return int(made.failed)

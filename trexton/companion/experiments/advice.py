@@ -40,10 +40,8 @@ def limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]
     except TrextonError:  # too short a flight to leave neighbours in time out
         found["repeated"] = None
     if test.has_images:
-        chosen = evenly_spread(len(test), SHARPNESS_FRAMES)
-        sharp = np.array(
-            [cv2.Laplacian(test.image(row)[..., 0], cv2.CV_64F).var() for row in chosen]
-        )
+        lumas = (test.image(row)[..., 0] for row in evenly_spread(len(test), SHARPNESS_FRAMES))
+        sharp = np.array([cv2.Laplacian(luma, cv2.CV_64F).var() for luma in lumas])
         found["blurred"] = float((sharp < BLURRED * np.median(sharp)).mean())
     return found
 

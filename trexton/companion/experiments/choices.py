@@ -47,9 +47,7 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
 class Parameters(MapParameters):
     """What can be chosen."""
 
-    repeats: int = option(
-        4, "independent runs of the filter for each variant but the paper's", low=1
-    )
+    repeats: int = option(4, "independent runs of the filter, of all but the paper's", low=1)
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:

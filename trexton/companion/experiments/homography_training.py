@@ -73,9 +73,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 def _process_std_cm(texton_map: TextonMap) -> float:
     """Root mean square over the axes of the process noise that the training positions give."""
-    return 100 * float(
-        np.sqrt(np.trace(texton_map.parts["motion"].growth(texton_map.period_s)) / 2)
-    )
+    covariance = texton_map.parts["motion"].growth(texton_map.period_s)
+    return 100 * float(np.sqrt(np.trace(covariance) / 2))
 
 
 def finding(record: Record) -> str:

@@ -37,9 +37,7 @@ from trexton.localization.localizer import TextonMap
 class Parameters(MapParameters):
     """What can be chosen."""
 
-    repeats: int = option(
-        RUNS["paper"], "independent runs of the filter over the test flight", low=1
-    )
+    repeats: int = option(RUNS["paper"], "independent runs of the filter over the test", low=1)
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:

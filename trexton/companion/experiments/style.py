@@ -79,10 +79,7 @@ def canvas(
 
 def floor_axes(axes: Axes, area: Sequence[float]) -> None:
     """Axes of a floor plan in metres, both to the same scale."""
-    x_min, x_max, y_min, y_max = area
-    axes.set(
-        xlim=(x_min, x_max), ylim=(y_min, y_max), xlabel="x (m)", ylabel="y (m)", aspect="equal"
-    )
+    axes.set(xlim=area[:2], ylim=area[2:], xlabel="x (m)", ylabel="y (m)", aspect="equal")
     axes.grid(False)
 
 

@@ -102,9 +102,8 @@ class Bench:
             time_ms = milliseconds(self._full_times() if full else [run.step_s for run in runs])
             row = setting | {"patches": self._patches(setting), "runs": len(judged)}
             result.rows.append(row | {key: errors[key] for key in ("error_cm_x", "error_cm_y")})
-            result.clocks.append(
-                setting | {"frame_ms": time_ms, "frequency_hz": frequency(time_ms)}
-            )
+            clock = {"frame_ms": time_ms, "frequency_hz": frequency(time_ms)}
+            result.clocks.append(setting | clock)
         return result
 
     def errors(self, setting: dict[str, Any]) -> dict[str, Any]:

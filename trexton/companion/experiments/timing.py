@@ -128,9 +128,8 @@ def finding(record: Record) -> str:
     else:
         text += " from its histogram on, which came with the flight."
     if "homography_ms" in timings:
-        text += (
-            f" A homography takes {so_often(timings['homography_ms']['median'] / total)} as long."
-        )
+        ratio = timings["homography_ms"]["median"] / total
+        text += f" A homography takes {so_often(ratio)} as long."
     return text
 
 
@@ -161,9 +160,8 @@ def stages(record: Record) -> Figure:
         plot.plot(printed, places, "D", color=COLORS["printed"], label="the paper")
         label = f"one frame at {paper['camera_hz']:g} Hz"
         plot.axvline(1000 / paper["camera_hz"], color=COLORS["truth"], linestyle=":", label=label)
-        plot.set_yticks(
-            places, labels=[f"{name}: {time['median']:.3g} ms" for name, time, _ in rows]
-        )
+        labels = [f"{name}: {time['median']:.3g} ms" for name, time, _ in rows]
+        plot.set_yticks(places, labels=labels)
         plot.set(xscale="log", xlabel="time a frame (ms)", ylim=(len(rows) - 0.5, -0.5))
         plot.xaxis.set_major_formatter("{x:g}")
         plot.grid(False, axis="y")

@@ -36,9 +36,7 @@ from trexton.flights.flight import Flight
 class Parameters(MapParameters):
     """What can be chosen."""
 
-    repeats: int = option(
-        3, "independent runs for each setting; fewer where a frame takes long", low=1
-    )
+    repeats: int = option(3, "independent runs of a setting; fewer where a frame is slow", low=1)
     stored: int = option(
         1_000_000, "the largest number of histograms that the search is timed on", low=1
     )
@@ -93,9 +91,8 @@ def _headlines(sweeps: dict[str, Sweep], bench: Bench) -> tuple[dict[str, Any], 
         for label, end in ((f"fewest_{name}", 0), (most, -1)):
             values[f"{label}_error_cm"] = sweep.rows[end]["error_cm_x"]
             timings[f"{label}_ms"] = sweep.clocks[end]["frame_ms"]
-        default, last = (
-            sweep.runs[value] for value in (bench.defaults[name], sweep.rows[-1][name])
-        )
+        chosen = bench.defaults[name], sweep.rows[-1][name]
+        default, last = (sweep.runs[value] for value in chosen)
         key = "plateau_gain" if name == "samples" else "particles_plateau_gain"
         values[key] = _gain(default, last, bench.test, rng=stream(bench.seed, "gain"))
         errors += [row["error_cm_x"]["value"] for row in sweep.rows]

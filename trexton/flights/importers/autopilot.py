@@ -120,9 +120,8 @@ def _ardupilot(path: Path) -> PoseTrack | None:
     table, attitude = np.array(rows[kind]), None
     if len(angled):
         angles = np.unwrap(np.radians(angled[:, 1:]), axis=0) * (1, 1, -1)
-        attitude = np.column_stack(
-            [np.interp(table[:, 0], angled[:, 0], each) for each in angles.T]
-        )
+        time, angled_s = table[:, 0], angled[:, 0]
+        attitude = np.column_stack([np.interp(time, angled_s, each) for each in angles.T])
     if "Lat" in _MESSAGES[kind]:
         return _earthly(table, attitude)
     stamps = nanoseconds(table[:, 0])

@@ -137,9 +137,8 @@ def _read_list(path: Path) -> TextTable:
         cells.append((fields[1], fields[2].strip()))
     if not rows:
         raise FlightError(f"{path}: no rows: expected a stamp and a file a line")
-    return TextTable(
-        path, dict(zip(("stamp", "file"), zip(*cells, strict=True), strict=True)), rows
-    )
+    stamps, files = zip(*cells, strict=True)
+    return TextTable(path, {"stamp": stamps, "file": files}, rows)
 
 
 def column_names(source: Path) -> set[str]:
@@ -194,9 +193,7 @@ class Features:
         """What can be chosen."""
 
         time: str = option("", "column of the stamps (default: frames at the rate below)")
-        rate: float = option(
-            12.5, "frames a second, where there are no stamps", low=0.001, high=10000
-        )
+        rate: float = option(12.5, "frames a second, if there are no stamps", low=0.001, high=1e4)
         features: str = option("features", "what the values count; textons must sum to one")
 
     @staticmethod

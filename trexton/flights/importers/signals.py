@@ -21,9 +21,7 @@ from trexton.flights.tables import is_number, read_table
 class Settings(Options):
     """What can be chosen."""
 
-    columns: str = option(
-        "stamp,source,value,x,y,z", "columns in order, where the log has no header"
-    )
+    columns: str = option("stamp,source,value,x,y,z", "columns in order, if the log has no header")
     bin: float = option(0.5, "seconds of a frame", low=0.001)
     keep: float = option(3.0, "seconds for which the last value of a source holds", low=0)
     floor: float = option(-100.0, "value of a source that is not heard")
