@@ -12,7 +12,7 @@ _TLS = ("ca-file", "client.cert", "client.key")  # as Dask calls them
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    words = "a TOML file: experiment, flights, test_flight, a table [set], combined in full"
+    words = "experiment, flights and test_flight in TOML; of a table [set] all combinations are run"
     parser.add_argument("plan", metavar="PLAN", help=words)
     parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
     parser.add_argument("--jobs", type=int, metavar="N", help="cells at once")
