@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -12,7 +13,7 @@ from conftest import small_flight
 
 from trexton.base.errors import ParameterError
 from trexton.cli import main as cli
-from trexton.companion.build.flight_pairs import FlightPair, check_names
+from trexton.companion.build.flight_pairs import FlightPair, check_out
 from trexton.companion.build.sweep import SweepPlan, sweep
 from trexton.flights.writing import write_flight
 
@@ -89,9 +90,10 @@ def test_the_plan_is_a_file(flight, tmp_path, capsys, in_place):
 
 
 @pytest.mark.parametrize("name", ["book", "report.html"])
-def test_a_flight_named_as_a_result_is_refused(name):
+def test_a_flight_named_as_a_result_is_refused(name, tmp_path):
+    pairs = [SimpleNamespace(name="room"), SimpleNamespace(name=name)]
     with pytest.raises(ParameterError, match=f"named '{name}', as a result is"):
-        check_names(["room", name])
+        check_out(tmp_path, pairs)
 
 
 def test_two_flights_of_one_name_are_refused(flight, tmp_path):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import reprlib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cached_property
@@ -29,31 +29,22 @@ from trexton.flights.folder import read_flight
 _SHARE = 0.6  # of the positions of a flight without splits is for training
 
 
-def check_names(names: Iterable[str]) -> None:
-    """Refuse two flights whose results would lie in one folder, one for the other.
+def check_out(out: Path, pairs: Sequence[FlightPair]) -> None:
+    """Refuse results of two flights in one folder, or among the files of a flight: ``--out
+    FLIGHT``, or ``--out .`` beside it.
 
     Raises
     ------
     ParameterError
-        A name comes twice, or is that of something that lies beside them.
+        A name comes twice, or is that of something that lies beside them; they would lie there.
     """
-    names = list(names)
+    names = [pair.name for pair in pairs]
     if ours := [name for name in names if name in ("book", "report.html")]:
         raise ParameterError(f"a flight is named {ours[0]!r}, as a result is: name it otherwise")
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise ParameterError(
             f"two flights are named {twice[0]!r}: give each its own name in flight.toml"
         )
-
-
-def check_out(out: Path, pairs: Iterable[FlightPair]) -> None:
-    """Refuse results among the files of a flight: ``--out FLIGHT``, or ``--out .`` beside it.
-
-    Raises
-    ------
-    ParameterError
-        They would lie there.
-    """
     for pair in pairs:
         for flight in filter(None, (pair.flight, pair.test_flight)):
             if Path(flight).resolve() in (out.resolve(), (out / pair.name).resolve()):

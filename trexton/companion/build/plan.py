@@ -16,7 +16,7 @@ from trexton.base.files import digest, write_file
 from trexton.companion.build import engine, execution
 from trexton.companion.build.display import Display, Outcome
 from trexton.companion.build.engine import Fact, Step, files_fact
-from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out
+from trexton.companion.build.flight_pairs import FlightPair, check_out
 from trexton.companion.build.notebooks import (
     GIVEN,
     Notebook,
@@ -66,7 +66,6 @@ def run_experiments(
     out = Path(out)
     chosen = _choose(notebooks, experiments, only)
     parameters = _settings_of(chosen, experiments, settings or {})
-    check_names(pair.name for pair in pairs)
     check_out(out, pairs)
     everywhere = [n for n in chosen if experiments[n.name].every_flight]
     on_flights = [

@@ -21,7 +21,7 @@ from trexton.base.records import Record
 from trexton.companion.build import engine
 from trexton.companion.build.display import Display
 from trexton.companion.build.engine import Step, files_fact
-from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out, load_pair
+from trexton.companion.build.flight_pairs import FlightPair, check_out, load_pair
 from trexton.companion.build.notebooks import inputs_of
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.workers import Call, callers
@@ -113,7 +113,6 @@ def sweep(
         raise ParameterError("a sweep needs flights: name some in the plan")
     experiment = experiments[plan.experiment]
     chosen = _grid(plan, experiment)
-    check_names(pair.name for pair in plan.pairs)
     check_out(out, plan.pairs)
     for pair in plan.pairs:
         if obstacle := pair.obstacle(experiment):
