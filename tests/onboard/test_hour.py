@@ -108,7 +108,9 @@ def test_an_hour_in_the_room(tmp_path):
 
 
 class PacedRoom(Room):
-    """The small room as a camera of 12.5 images a second sees it."""
+    """The small room as a camera of 12.5 images a second sees it. Where nobody reads for longer,
+    the room waits, so that motion and stamps agree.
+    """
 
     live = True
 
@@ -119,6 +121,7 @@ class PacedRoom(Room):
         frame = super().read()
         time.sleep(max(0.0, self.began + frame.time - time.monotonic()))
         stamp = time.monotonic()
+        self.began = stamp - frame.time
         self.places.extend((stamp, *self.room.state.position[:2]))
         return Frame(stamp, frame.picture)
 

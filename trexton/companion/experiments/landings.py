@@ -4,7 +4,7 @@ All that are compared fly the same flight, frame by frame; each lands a vehicle 
 the mission over a flight's floor, `fly_all`, and landings drawn about the centre of their zone.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import partial
@@ -117,6 +117,11 @@ class Lander:
     options: dict[str, Any] = field(default_factory=dict)
     aiding: tuple[str, ...] = ()
 
+    @property
+    def localizes(self) -> Hashable:
+        """The same for all that find the same estimates from the same frames."""
+        return id(self.texton_map), self.aiding, *sorted(self.options.items())
+
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
@@ -174,22 +179,35 @@ def fly_together(
         rng=simulator_rng,
     )
     autopilot_rng = stream(mission.seed, "autopilot", number)
-    # Each draws the same patches: what differs between them is not chance.
-    flying = {
-        name: _Flying(lander, center, deepcopy(localizer_rng)) for name, lander in landers.items()
+    # Each draws the same patches, and those that localize alike have one localizer: what differs
+    # between them is not chance.
+    localizers = {
+        lander.localizes: Localizer(
+            lander.texton_map, rng=deepcopy(localizer_rng), **lander.options
+        )
+        for lander in landers.values()
+        if lander.texton_map is not None
     }
+    flying = {name: lander.zone(center) for name, lander in landers.items()}
     attempts: dict[str, Attempt] = {}
     state, path = simulator.state, []
     while flying and state.time < mission.parameters.time_limit:
         state = simulator.step(plan.goal(state.position))
         path.append(state.position[:2])
-        imaging = any(each.localizer for each in flying.values())
-        frame = simulator.render() if imaging else None
+        still = {landers[name].localizes: landers[name].aiding for name in flying}
+        frame = simulator.render() if still.keys() & localizers.keys() else None
         measured = _measured(state, autopilot_rng)
-        for name, each in list(flying.items()):
-            lands = each.decides(frame, measured, state)
+        estimates = {
+            each: localizers[each].step(frame, aiding=measured.only(aiding), time=state.time)
+            if each in localizers
+            else _certain(state)
+            for each, aiding in still.items()
+        }
+        for name, zone in list(flying.items()):
+            estimate = estimates[landers[name].localizes]
+            lands = zone.update(estimate, state.time)
             if lands and state.time > mission.parameters.armed_after:
-                attempts[name] = each.land(simulator, path)
+                attempts[name] = _land(center, estimate, simulator, path)
                 del flying[name]
     attempts |= {
         name: Attempt(center, state.time, NOWHERE, NOWHERE, NOWHERE, np.array(path))
@@ -206,38 +224,18 @@ def _measured(state: VehicleState, rng: np.random.Generator) -> Aiding:
     return Aiding(roll=roll, pitch=pitch, yaw=yaw, height=height)
 
 
-class _Flying:
-    """A lander in flight."""
-
-    def __init__(self, lander: Lander, center: np.ndarray, rng: np.random.Generator):
-        self.zone, self.aiding = lander.zone(center), lander.aiding
-        self.localizer = (
-            None
-            if lander.texton_map is None
-            else Localizer(lander.texton_map, rng=rng, **lander.options)
-        )
-
-    def decides(self, frame: np.ndarray | None, measured: Aiding, state: VehicleState) -> bool:
-        """Whether it would land after this frame."""
-        self._estimate = (
-            self.localizer.step(frame, aiding=measured.only(self.aiding), time=state.time)
-            if self.localizer
-            else _certain(state)
-        )
-        return self.zone.update(self._estimate, state.time)
-
-    def land(self, simulator: Simulator, path: list[np.ndarray]) -> Attempt:
-        """Brake and come down, in a vehicle that flew like the others and now parts from them."""
-        vehicle, state = deepcopy(simulator.vehicle), simulator.state
-        vehicle.land()
-        landed, flown = state, list(path)
-        while not landed.landed:
-            landed = vehicle.advance(PERIOD)
-            flown.append(landed.position[:2])
-        return Attempt(
-            self.zone.center, state.time, self._estimate.position, state.position[:2],
-            landed.position[:2], np.array(flown),
-        )  # fmt: skip
+def _land(
+    center: np.ndarray, estimate: Estimate, simulator: Simulator, path: list[np.ndarray]
+) -> Attempt:
+    """Brake and come down, in a vehicle that flew like the others and now parts from them."""
+    vehicle, state = deepcopy(simulator.vehicle), simulator.state
+    vehicle.land()
+    landed, flown = state, list(path)
+    while not landed.landed:
+        landed = vehicle.advance(PERIOD)
+        flown.append(landed.position[:2])
+    places = estimate.position, state.position[:2], landed.position[:2]
+    return Attempt(center, state.time, *places, np.array(flown))
 
 
 def _certain(state: VehicleState) -> Estimate:
