@@ -4,7 +4,6 @@
 the original, a line for each.
 """
 
-import hashlib
 import os
 from collections import Counter
 from dataclasses import dataclass, field, replace
@@ -21,6 +20,8 @@ from trexton.flights.folder import Reading, load_folder
 from trexton.flights.tracking import count_of, ranges
 from trexton.flights.writing import write_flight
 from trexton.vision.images import read_image
+from trexton.vision.threads import ahead
+from trexton.vision.time_offset import small
 
 MOST_ROUNDS = 10  # a repair may uncover what another repairs
 DARK = 24  # of 255: nearly all of a picture of 12 bits is below, read as one of 16
@@ -55,7 +56,7 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
     raised.
     """
     reading = load_folder(Path(path))
-    sizes, unusable, frozen, dark = _images(reading)
+    sizes, unusable, frozen, dark, first = _images(reading)
     found = [] if reading.flight is None else facts(reading.flight)
     if reading.image_files:
         counts = (f"{count} of {'x'.join(map(str, size))}" for size, count in sizes.items())
@@ -77,28 +78,31 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
             reading.flight.floor  # noqa: B018 - reads the picture
         except (FlightError, ImageError) as error:
             faults.append(str(error))
-        warnings += [f"{path}: {said}" for said in plausibility.warnings(reading.flight)]
+        doubts = plausibility.warnings(reading.flight, [] if unusable else first)
+        warnings += [f"{path}: {said}" for said in doubts]
     return Report(Path(path), found, faults, warnings)
 
 
-def _images(reading: Reading) -> tuple[Counter[tuple[int, int]], dict[int, str], list[int], int]:
+def _images(
+    reading: Reading,
+) -> tuple[Counter[tuple[int, int]], dict[int, str], list[int], int, list[np.ndarray]]:
     """What decoding every image shows: how many are of each size; by its row in frames.csv, what
     keeps one from being used; the rows whose picture is the one before to the bit; how many are
-    dark.
+    dark; and `small` ones of the first.
     """
     places: dict[int, tuple[Path, tuple[int, int]]] = {}
-    unusable, frozen, before, dark = {}, [], b"", 0
-    for row, file in progress(reading.image_files, "images"):
-        try:
-            image = read_image(file)
-        except ImageError as error:
-            unusable[row] = f"frames.csv, row {row}: {error}"
+    unusable, frozen, before, dark, first = {}, [], np.empty(0), 0, []
+    images = progress(ahead(_read, reading.image_files), "images", len(reading.image_files))
+    for (row, file), image in zip(reading.image_files, images, strict=True):
+        if isinstance(image, ImageError):
+            unusable[row] = f"frames.csv, row {row}: {image}"
             continue
-        content = hashlib.sha256(np.ascontiguousarray(image).data).digest()
-        if content == before:
+        if np.array_equal(image, before):
             frozen.append(row)
-        before = content
+        before = image
         dark += bool(np.quantile(image[::4, ::4, 0], 0.99) < DARK)
+        if len(first) < plausibility.OFFSET_FRAMES:
+            first.append(small(image))
         places[row] = file, (image.shape[1], image.shape[0])
     sizes = Counter(size for _, size in places.values())
     camera = reading.flight.camera if reading.flight else None
@@ -111,7 +115,14 @@ def _images(reading: Reading) -> tuple[Counter[tuple[int, int]], dict[int, str],
                 f"frames.csv, row {row}: {file} is {size[0]}x{size[1]} where {whose} "
                 f"{expected[0]}x{expected[1]}: all images of a flight have one size"
             )
-    return sizes, unusable, frozen, dark
+    return sizes, unusable, frozen, dark, first
+
+
+def _read(named: tuple[int, Path]) -> np.ndarray | ImageError:
+    try:
+        return read_image(named[1])
+    except ImageError as error:
+        return error
 
 
 def facts(flight: Flight) -> list[tuple[str, str]]:
@@ -165,7 +176,7 @@ def repair_flight(
     reading = load_folder(Path(path), done)
     if reading.flight is None:
         raise FlightError(reading.faults[0])
-    flight, (_, unusable, frozen, _) = reading.flight, _images(reading)
+    flight, (_, unusable, frozen, *_) = reading.flight, _images(reading)
     if left_out := {*unusable, *frozen}:
         if len(left_out) == len(flight):
             raise FlightError(f"{path}/{next(iter(unusable.values()))}")

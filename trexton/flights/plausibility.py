@@ -1,8 +1,9 @@
 """Plausibility checks of a flight that can be read; `warnings` runs all of them, and each gives a
 `Doubt` for what is probably not as meant, with what to do about it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,10 +40,11 @@ def _scaled(factor: float | np.ndarray, *columns: str) -> Callable[[Flight], Fli
     return mend
 
 
-def warnings(flight: Flight) -> list[Doubt]:
-    """What the checks say, in their order."""
+def warnings(flight: Flight, first: Sequence[np.ndarray] = ()) -> list[Doubt]:
+    """What the checks say, in their order; `small` images of the `first` frames spare a look."""
+    turning = partial(_turning, first=first)
     places = (_outside, tracking_doubts, _speed, _heights)
-    views = (_angles, _view, _turning, _extent)
+    views: tuple[Callable[[Flight], Iterator[str]], ...] = (_angles, _view, turning, _extent)
     others = (_stamps, _splits, _floor, _features)
     said = (each for check in (*places, *views, *others) for each in check(flight))
     return [each if isinstance(each, Doubt) else Doubt(each) for each in said]
@@ -189,13 +191,15 @@ def _view(flight: Flight) -> Iterator[str]:
     )
 
 
-def _turning(flight: Flight) -> Iterator[str]:
+def _turning(flight: Flight, first: Sequence[np.ndarray] = ()) -> Iterator[str]:
     """Pictures that turn at another time than the yaw beside them, or the other way."""
     if not flight.has_images or flight.attitude is None:
         return
     rows = np.flatnonzero(np.isfinite(flight.attitude[:, 2]))[:OFFSET_FRAMES]
     try:
-        turned = turns(map(small, flight.select(rows).images()))
+        seen = len(first) > rows.max(initial=-1)
+        images = (first[row] for row in rows) if seen else map(small, flight.select(rows).images())
+        turned = turns(images)
     except TrextonError:
         return  # said already
     found = time_offset(flight.time[rows], turned, flight.time[rows], flight.attitude[rows, 2])
