@@ -79,12 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
     texton_map, assessment = min(tried, key=lambda each: _demerit(each[1]))
     path = save_map(texton_map, arguments.output)
     say(f"{len(texton_map.positions)} frames of {flight.name} became {path}")
-    others = [
-        f"{each.method} {100 * other.error_m:.0f} cm"
-        for each, other in tried
-        if each is not texton_map and other
-    ]
-    why = "" if options.method else ", chosen for flying" + "".join(f" ({o})" for o in others)
+    others = [(each.method, other) for each, other in tried if other and each is not texton_map]
+    words = "".join(f" ({method} {100 * other.error_m:.0f} cm)" for method, other in others)
+    why = "" if options.method else ", chosen for flying" + words
     say(f"method {texton_map.method}{why}: {_verdict(assessment)}")
     return 0
 

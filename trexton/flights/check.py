@@ -101,7 +101,7 @@ def _images(
             frozen.append(row)
         before = image
         dark += bool(np.quantile(image[::4, ::4, 0], 0.99) < DARK)
-        if len(first) < plausibility.OFFSET_FRAMES:
+        if len(places) < plausibility.OFFSET_FRAMES:
             first.append(small(image))
         places[row] = file, (image.shape[1], image.shape[0])
     sizes = Counter(size for _, size in places.values())

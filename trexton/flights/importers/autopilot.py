@@ -114,8 +114,7 @@ def _ardupilot(path: Path) -> PoseTrack | None:
     for kind, row in _messages(path):
         rows.setdefault(kind, []).append(row)
     angled = np.array(rows.pop("ATT", []))
-    kind = next((each for each in _MESSAGES if each in rows), "")
-    if not kind:
+    if not (kind := next((each for each in _MESSAGES if each in rows), "")):
         return None
     table, attitude = np.array(rows[kind]), None
     if len(angled):

@@ -3,6 +3,7 @@ features. A class each, with the options and functions that an importer has.
 """
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -143,12 +144,10 @@ def _read_list(path: Path) -> TextTable:
 
 def column_names(source: Path) -> set[str]:
     """The columns of a table; none where there is no table."""
-    if not (source.is_file() and source.suffix.lower() in (".csv", ".tsv", ".txt")):
-        return set()
-    try:
-        return set(read_table(source).header)
-    except FlightError:
-        return set()
+    if source.is_file() and source.suffix.lower() in (".csv", ".tsv", ".txt"):
+        with suppress(FlightError):
+            return set(read_table(source).header)
+    return set()
 
 
 class Table:

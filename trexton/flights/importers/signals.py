@@ -42,9 +42,8 @@ class Log:
         headless = is_number(read_text(path).partition(",")[0])
         table = read_table(path, columns.split(",") if headless else ())
         unknown = np.full(len(table), np.nan)
-        position = np.column_stack(
-            [table.numbers(name) if name in table.header else unknown for name in ("x", "y", "z")]
-        )
+        places = [table.numbers(axis) if axis in table.header else unknown for axis in "xyz"]
+        position = np.column_stack(places)
         time, value = table.numbers("stamp"), table.numbers("value")
         good = (np.abs(time) < 9e9) & np.isfinite(value)  # later ones are not in seconds
         if not good.any():

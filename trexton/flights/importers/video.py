@@ -60,17 +60,14 @@ def read(source: Path, settings: Settings) -> Recording:
     elif not settings.positions:
         offset, said = 0.0, f"positions of {path.name}, on the video's clock"
     else:
-        offset, correlation = estimate_offset(stamps, motion, track)
-        said = (
-            f"time offset {offset:.2f} s, estimated from the motion (correlation {correlation:.2f})"
-        )
-        if correlation < _SURE:
+        offset, alike = estimate_offset(stamps, motion, track)
+        said = f"time offset {offset:.2f} s, estimated from the motion (correlation {alike:.2f})"
+        if alike < _SURE:
             raise FlightError(
                 f"{source}: {said}: not sure enough, the images do not move as the positions do: "
                 "give it, --offset SECONDS"
             )
-    damaged = _damaged(source)
-    if damaged:
+    if damaged := _damaged(source):
         first = f"number {damaged[0] + 1}, at {stamps[damaged[0]]:.2f} s"
         cut.append(f"{source}: damaged frames, left out: {len(damaged)} (first: {first})")
     rows = np.setdiff1d(np.arange(len(stamps)), damaged)[:: settings.every]
@@ -171,13 +168,10 @@ def _stamped(video: Path) -> Iterator[tuple[float, np.ndarray]]:
         check_capture(capture, video)
         rate = capture.get(cv2.CAP_PROP_FPS) or 25.0
         last, number = -1.0, 0
-        while True:
-            good, frame = capture.read()
-            if not good:
-                return
+        while (got := capture.read())[0]:
             stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
             stamp = stamp if stamp > last else last + 1 / rate if number else 0.0
-            yield stamp, frame
+            yield stamp, got[1]
             last, number = stamp, number + 1
     finally:
         capture.release()
