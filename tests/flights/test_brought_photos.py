@@ -182,11 +182,19 @@ def test_a_photograph_of_elsewhere_is_left_out(tmp_path):
     assert "photographs more than 100 km from the others, left out: 1" in said
 
 
-def test_a_preview_notices_a_picture_that_is_cut_short(tmp_path):
+def test_pictures_that_are_cut_short_are_left_out_by_name(tmp_path):
     source = photos(tmp_path / "p")
-    cut = source / "IMG_9.jpg"
-    cut.write_bytes(cut.read_bytes()[:900] + bytes(3000))
-    with pytest.raises(TrextonError, match=r"IMG_9.jpg: the file is cut short"):
+    cut = [source / f"IMG_{number}.jpg" for number in (9, 8, 7, 10)]
+    for file in cut[:3]:
+        file.write_bytes(file.read_bytes()[:900] + bytes(3000))
+    flight, said = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(flight.time, [0, 1, 2])
+    assert len(list((tmp_path / "out" / "images").iterdir())) == 3
+    (line,) = (line for line in said if "cannot be read, left out: 3 (first: " in line)
+    assert "IMG_7.jpg: the file is cut short" in line
+    assert ("note", line) in preview_import(source)
+    cut[3].write_bytes(cut[3].read_bytes()[:900] + bytes(3000))
+    with pytest.raises(TrextonError, match=r"IMG_7.jpg: the file is cut short"):
         preview_import(source)
 
 
@@ -198,10 +206,6 @@ def test_files_that_are_whole_or_left_out(tmp_path):
     (source / "a.HEIC").write_bytes(b"\0\0\0\x18ftypheic" + bytes(64))
     flight, said = import_flight(source, tmp_path / "out")
     assert len(flight) == 6 and "1 files of .heic were left out: convert them to JPEG" in said
-    cut = source / "IMG_9.jpg"
-    cut.write_bytes(cut.read_bytes()[:900] + bytes(3000))
-    with pytest.raises(TrextonError, match="cut short"):
-        import_flight(source, tmp_path / "again")
 
 
 def test_bands_are_one_picture(tmp_path):
@@ -321,3 +325,25 @@ def test_a_table_of_places_leaves_what_photographs_know_themselves(tmp_path):
     np.testing.assert_allclose(flight.time, 2 * np.arange(6))
     np.testing.assert_allclose(flight.height, 12)
     assert not any("left out" in line for line in said)
+
+
+def test_of_several_reconstructions_the_largest_is_taken(tmp_path):
+    source = photos(tmp_path / "p")
+    shots = {f"IMG_{i + 7}.jpg": {"rotation": [np.pi, 0, 0], "translation": [-i / 2, 0, 10]}
+             for i in range(6)}  # fmt: skip
+    parts = [{"shots": dict([*shots.items()][chosen])} for chosen in (slice(2), slice(2, 6))]
+    (source / "reconstruction.json").write_text(json.dumps(parts))
+    flight, said = import_flight(
+        source, tmp_path / "out", settings={"positions": "reconstruction.json"}
+    )
+    np.testing.assert_allclose(flight.position[:, 0], [1, 1.5, 2, 2.5])
+    assert any("4 poses of a reconstruction, the largest of 2 in it" in line for line in said)
+    assert "photographs without a position, left out: 2" in said
+
+
+def test_latitudes_that_are_longitudes_are_named(tmp_path):
+    source = photos(tmp_path / "p")
+    rows = [f"IMG_{i + 7}.jpg,{151 + i * 1e-5},-33" for i in range(6)]
+    (source / "positions.csv").write_text("\n".join(["file,lat,lon", *rows]))
+    with pytest.raises(TrextonError, match=r"151.0, -33.0: .* latitude and longitude \(exchanged"):
+        preview_import(source)

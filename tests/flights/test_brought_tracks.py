@@ -92,6 +92,7 @@ Frame\tTime\tdrone X\tdrone Y\tdrone Z\t"""
     ("name", "head", "row"),
     [
         ("a.csv", MOTIVE.format("Meters"), "{i},{t},0,0,0,1,{x},1,{b},7"),
+        ("f.csv", MOTIVE.format("Feet"), "{i},{t},0,0,0,1,{xft},3.280839895,{bft},7"),
         ("b.csv", MOTIVE.format("Millimeters"), "{i},{t},0,0,0,1,{xmm},1000,{bmm},7"),
         ("c.csv", VICON, "{i},0,0,0,0,1,{xmm},{ymm},1000"),
         ("d.tsv", QUALISYS, "{i}\t{t}\t{xmm}\t{ymm}\t1000\t1\t0\t0\t0\t1\t0\t0\t0\t1"),
@@ -102,6 +103,7 @@ def test_exports_of_motion_capture(tmp_path, name, head, row):
     for i in range(60):
         x, y = place(i)
         numbers = {"x": x, "b": -y, "xmm": 1000 * x, "ymm": 1000 * y, "bmm": -1000 * y}
+        numbers |= {"xft": x / 0.3048, "bft": -y / 0.3048}
         rows.append(row.format(i=i, t=i / 100, **numbers))
     (tmp_path / name).write_text(head + "\n".join(rows) + "\n")
     track, said = read_track(tmp_path / name, TrackColumns(body="drone"))
@@ -332,3 +334,33 @@ def test_a_yaw_in_radians_is_none_in_degrees(tmp_path, factor, said):
     (tmp_path / "t.csv").write_text("t,x,y,yaw\n" + "\n".join(rows))
     _, lines = read_track(tmp_path / "t.csv", TrackColumns(yaw="yaw", degrees=True))
     assert [said in line for line in lines] == ([True] if said else [])
+
+
+@pytest.mark.parametrize(
+    ("ending", "factor"),
+    [("_ft", 1 / 0.3048), (" (feet)", 1 / 0.3048), (" [mm]", 1e3), ("_cm", 100), ("_m", 1)],
+)
+def test_columns_whose_names_end_with_a_unit_are_taken_in_it(tmp_path, ending, factor):
+    """Unless a unit is given; a yaw whose name says degrees is in degrees."""
+    x, y, z = (name + ending for name in "xyz")
+    rows = [f"{i / 10},{i * factor},{factor},{2 * factor},{i}" for i in range(9)]
+    (tmp_path / "t.csv").write_text(f"t,{x},{y},{z},yaw_deg\n" + "\n".join(rows))
+    columns = TrackColumns(x=x, y=y, z=z, yaw="yaw_deg")
+    track, said = read_track(tmp_path / "t.csv", columns)
+    np.testing.assert_allclose(track.position, [[i, 1, 2] for i in range(9)])
+    np.testing.assert_allclose(np.degrees(track.attitude[:, 2]), np.arange(9))
+    assert len(said) == 3 * (factor != 1) and all("as its name says" in line for line in said)
+    track, said = read_track(tmp_path / "t.csv", replace(columns, unit="mm"))
+    np.testing.assert_allclose(track.position[:, 1], factor / 1000)
+    assert not said
+
+
+@pytest.mark.parametrize(("height", "metres"), [("100.00ft", 30.48), ("30.50m", 30.5)])
+def test_heights_of_subtitles_may_be_in_feet(tmp_path, height, metres):
+    (tmp_path / "v.srt").write_text("\n\n".join(
+        f"{i}\n00:00:0{i},000 --> 00:00:0{i + 1},000\n"
+        f"F/2.8, GPS (8.0, {47 + i * 1e-5:.6f}, 15), D 20.1m, H {height}, H.S 2.00m/s"
+        for i in range(5)
+    ))  # fmt: skip
+    track, _ = read_track(tmp_path / "v.srt", TrackColumns())
+    np.testing.assert_allclose(track.position[:, 2], metres)

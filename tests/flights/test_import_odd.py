@@ -148,7 +148,7 @@ def test_an_offset_of_centuries_is_refused(offset):
 
 def test_a_scale_that_leaves_no_pixel_is_refused(tmp_path):
     rows = [f"{i},{i},1,{i}.png" for i in range(6)]
-    with pytest.raises(TrextonError, match="scale 0.01 leaves nothing of 64x48 pixels"):
+    with pytest.raises(TrextonError, match="scale 0.01 leaves nothing of 64x48"):
         import_flight(table(tmp_path / "a", rows), tmp_path / "out", settings={"scale": 0.01})
 
 

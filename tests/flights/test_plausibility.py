@@ -158,3 +158,14 @@ def test_a_hover_tells_no_unit_by_the_noise_of_its_positions(rate, noise):
     assert not flown(1) and not flown(1, slice(-len(time) // 2, None))
     assert [each.done for each in flown(1000)] == ["positions and area read as millimetres"]
     assert [each.done for each in flown(100)] == ["positions and area read as centimetres"]
+
+
+def test_flights_of_two_days_in_one_are_named():
+    flight = sound("circle, steady turn", 5, 400)
+    late = flight.time + 86400.0 * (np.arange(400) >= 300)
+    (doubt,) = warnings(replace(flight, time=late))
+    assert "frames 299 and 300 lie 24 hours apart" in doubt and "--split 0.75" in doubt
+    assert doubt.mend is None
+    parted = {"train": (0, 299), "test": (300, 399)}
+    assert not warnings(replace(flight, time=late, split=parted))
+    assert not warnings(replace(flight, time=flight.time + 600.0 * (np.arange(400) >= 300)))

@@ -23,6 +23,7 @@ USUAL = 0.7, 4.0  # metres a second, and metres from wall to wall
 SLOW = 3.0, 0.02  # seconds between frames and metres a second that hardly come together
 _SMALLER = (("millimetres", 1e-3), ("centimetres", 1e-2))
 _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("milliseconds", 1e-3, 0.0))
+LONGEST_GAP = 3600.0  # seconds between frames of one flight
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO, FLOOR_RATIO = 5.0, 20.0  # heights, and the floor's picture, by the diagonal
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
@@ -233,7 +234,15 @@ def _stamps(flight: Flight) -> Iterator[str]:
     yield from (note for note in flight.notes if SET_BACK in note and "repaired" not in note)
     if len(flight) < 3:
         return
-    gap = float(np.median(np.diff(flight.time)))
+    gaps = np.diff(flight.time)
+    gap, after = float(np.median(gaps)), int(gaps.argmax()) + 1
+    parted = flight.frame[after] in [first for first, _ in flight.split.values()]
+    if gaps.max() > LONGEST_GAP and gap <= MAX_MEDIAN_INTERVAL and not parted:
+        yield (
+            f"frames {flight.frame[after - 1]} and {flight.frame[after]} lie "
+            f"{gaps.max() / 3600:.3g} hours apart: two flights? import each for itself, or with "
+            f"--split {after / len(flight):.2g} to train on the first and test on the second"
+        )
     if gap > MAX_MEDIAN_INTERVAL:
         unit, factor = next((u, f) for u, f, least in _STAMPS if gap > least)
         yield Doubt(

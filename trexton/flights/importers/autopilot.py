@@ -29,7 +29,7 @@ _NUMBER = r"([-+]?\d+(?:[.,]\d+)?)"
 _GPS = re.compile(rf"GPS\s*\({_NUMBER},\s*{_NUMBER}")
 _AUTEL = re.compile(rf"GPS\s*\(([EW]):\s*{_NUMBER},\s*([NS]):\s*{_NUMBER}")
 _PLACE = re.compile(rf"latitude\s*:\s*{_NUMBER}.*?longt?itude\s*:\s*{_NUMBER}", re.S)
-_HEIGHT = re.compile(rf"(?:rel_alt\s*:|\bH|BAROMETER\s*:)\s*{_NUMBER}")
+_HEIGHT = re.compile(rf"(?:rel_alt\s*:|\bH|BAROMETER\s*:)\s*{_NUMBER}\s*(ft|feet)?")
 _CLOCK = re.compile(r"(\d{1,6}):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 
 
@@ -86,6 +86,7 @@ def _subtitles(path: Path) -> PoseTrack | None:
         height = _HEIGHT.search(block)
         values = [each.replace(",", ".") for each in (*place, height[1] if height else "nan")]
         rows.append([3600 * hours + 60 * minutes + seconds + milli / 1000, *map(float, values)])
+        rows[-1][3] *= 0.3048 if height and height[2] else 1
     return _earthly(np.array(rows, dtype=float).reshape(-1, 4))
 
 

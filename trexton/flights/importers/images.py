@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.base.errors import ParameterError
+from trexton.base.errors import ImageError, ParameterError
 from trexton.base.progress import progress
 from trexton.flights.frames import Forward, ImageFiles
 from trexton.flights.importers.recording import Recording
@@ -15,22 +15,34 @@ from trexton.vision.camera import Rectification
 from trexton.vision.images import bgr_from_yuv, size_of
 
 QUALITY = 95  # of JPEG files that are written anew
+FEWEST_WHOLE, _UNREADABLE = 3, (0, 0)  # images from which on others may be left out; their size
 
 
 def of_one_size(recording: Recording) -> Recording:
-    """The frames whose image is of the size of most, of two the larger; said of others."""
+    """The frames whose image is whole and of the size of most, of two the larger; said of others.
+    Raises `ImageError` where most images cannot be read.
+    """
     if not isinstance(frames := recording.frames, ImageFiles):
         return recording
-    sizes = [size_of(file) for file in progress(frames.files, "sizes")]
+    sizes, damaged = [], []
+    for file in progress(frames.files, "sizes"):
+        try:
+            sizes.append(size_of(file))
+        except ImageError as error:
+            sizes.append(_UNREADABLE)
+            damaged.append(error)
     width, height = usual = max(set(sizes), key=lambda size: (sizes.count(size), size))
-    others = [row for row, size in enumerate(sizes) if size != usual]
-    if not others:
-        return recording
-    said = (
-        f"images of another size than {width}x{height}, left out: {len(others)} (first: "
-        f"{frames.files[others[0]].name})"
-    )
-    return recording.rows(np.delete(np.arange(len(sizes)), others), said)
+    if damaged and (usual == _UNREADABLE or sizes.count(usual) < FEWEST_WHOLE):
+        raise damaged[0]
+    cut = f"images that cannot be read, left out: {len(damaged)} (first: "
+    said = [f"{cut}{error})" for error in damaged[:1]]
+    if others := [row for row, size in enumerate(sizes) if size not in (usual, _UNREADABLE)]:
+        said.append(
+            f"images of another size than {width}x{height}, left out: {len(others)} (first: "
+            f"{frames.files[others[0]].name})"
+        )
+    kept = np.array([row for row, size in enumerate(sizes) if size == usual])
+    return recording.rows(kept, *said) if said else recording
 
 
 def rectification_of(
@@ -43,9 +55,7 @@ def rectification_of(
     part = _crop(crop, full) if crop else (0, 0, *full)
     size = (round(part[2] * scale), round(part[3] * scale))
     if min(size) < 1:
-        raise ParameterError(
-            f"scale {scale:g} leaves nothing of {part[2]}x{part[3]} pixels: give more"
-        )
+        raise ParameterError(f"scale {scale:g} leaves nothing of {part[2]}x{part[3]}: give more")
     return Rectification(full, part, size, **lens)
 
 

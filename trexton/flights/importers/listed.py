@@ -58,8 +58,8 @@ class Euroc:
         if len(names := positions.header) < 4:
             raise FlightError(f"{positions.path}: {len(names)} columns: expected stamp, x, y, z")
         turn = ",".join((*names[5:8], names[4]) if len(names) >= 8 else ())  # written w, x, y, z
-        place = TrackColumns(names[0], names[1], names[2], names[3], time_unit="ns")
-        columns = replace(place, quaternion=turn, axes=settings.axes)
+        time, x, y, z = names[:4]
+        columns = TrackColumns(time, x, y, z, quaternion=turn, axes=settings.axes, time_unit="ns")
         track, said = columns.of(positions)
         files = ImageFiles(tuple(folder / "data" / name for name in table.texts("file")))
         name, said = (
@@ -104,8 +104,8 @@ class Tum:
             raise FlightError(f"{source}: no list of images ({named}): name it with --images")
         table, path = _read_list(listed), source / settings.trajectory
         poses = read_table(path, trajectory_names(path, settings.quaternion))
-        columns = replace(TUM, axes=settings.axes, quaternion=settings.quaternion)
-        track, said = replace(columns, time_unit=_unit(poses)).of(poses)
+        columns = replace(TUM, axes=settings.axes, time_unit=_unit(poses))
+        track, said = replace(columns, quaternion=settings.quaternion).of(poses)
         files = ImageFiles(tuple(source / name for name in table.texts("file")))
         stamps = table.nanoseconds("stamp", _unit(table))
         return Recording(stamps, track, files, source="TUM folder", said=said)

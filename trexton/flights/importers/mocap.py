@@ -14,7 +14,8 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.flights.tables import LENGTHS, TextTable
 
-_UNITS = {"meters": "m", "metres": "m", "centimeters": "cm", "millimeters": "mm"}
+UNITS = {**LENGTHS, "ft": 0.3048}  # metres
+_WORDS = {"metres": "m", "meters": "m", "centimeters": "cm", "millimeters": "mm", "feet": "ft"}
 _NUMBER = re.compile(r"[-+]?\d+([.,]\d*)?")
 
 # Tables of Vicon's that hold positions, the best first.
@@ -97,7 +98,7 @@ def _motive(rows: list[Row]) -> _Export:
             columns = bodies.setdefault(name, {"time": 1, axes[1].strip(): 1})
             columns[axis.strip() if part == "Position" else f"R{axis.strip()}"] = place
     settings = {"time": "time", "x": "X", "y": "-Z", "z": "Y"}
-    settings["unit"] = _UNITS[head.get("Length Units", "Meters").lower()]
+    settings["unit"] = _WORDS[head.get("Length Units", "Meters").lower()]
     said = ", y up (Motive's default): x, -z, y are x, y, z unless others are named"
     if head.get("Rotation Type", "Quaternion") == "Quaternion":
         settings["quaternion"] = "RX,-RZ,RY,RW"
@@ -125,7 +126,7 @@ def _vicon(rows: list[Row]) -> _Export:
     letter = "T" if "TX" in known else ""
     settings = {"time": "time", "x": f"{letter}X", "y": f"{letter}Y", "z": f"{letter}Z"}
     settings["unit"] = units[known[settings["x"]]].strip()
-    if settings["unit"] not in LENGTHS:
+    if settings["unit"] not in UNITS:
         raise ValueError(f"unit {settings['unit']!r}")
     said = f", {rate} frames a second"
     if "RW" in known:

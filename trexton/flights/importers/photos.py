@@ -235,9 +235,7 @@ def _of_exiftool(text: str) -> str:
 def _stamps(shots: dict[Path, Shot]) -> np.ndarray:
     taken = [shot.time_ns for shot in shots.values()]
     if any(taken) and not all(taken):
-        raise FlightError(
-            f"{list(shots)[taken.index(0)]}: no time can be read in its EXIF: leave it out"
-        )
+        raise FlightError(f"{list(shots)[taken.index(0)]}: no time in its EXIF: leave it out")
     return _by_the_second(taken)
 
 
@@ -255,15 +253,23 @@ def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] |
 
     if path.suffix.lower() not in (".json", ".txt"):
         return None
-    text, origin = read_text(path), None
+    text, origin, several = read_text(path), None, ""
     try:
         if path.suffix.lower() == ".json":
-            whole = json.loads(text)[0]
-            names, turns, shifts = _opensfm(whole)
+            parts = json.loads(text)
+            whole = max(parts, key=lambda part: len(part["shots"]))
+            several = f", the largest of {len(parts)} in it" * (len(parts) > 1)
+            names, shots = list(whole["shots"]), whole["shots"].values()
+            turns = Rotation.from_rotvec([shot["rotation"] for shot in shots]).as_quat()
+            shifts = [shot["translation"] for shot in shots]
             place = whole.get("reference_lla")
             origin = (float(place["latitude"]), float(place["longitude"])) if place else None
         elif "IMAGE_ID" in text[:2000] or "QW" in text[:2000]:
-            names, turns, shifts = _colmap(text)
+            # Two lines an image: id, quaternion w, x, y, z, translation, camera, name; then points.
+            lines = [line.split(maxsplit=9) for line in text.splitlines() if line[:1] != "#"]
+            rows = [row for row in lines if row and not is_number(row[-1].split()[-1])]
+            turns = [[float(row[place]) for place in (2, 3, 4, 1)] for row in rows]
+            names, shifts = [row[9].strip() for row in rows], [row[5:8] for row in rows]
         else:
             return None
         # Both tell how the world is turned and moved to the camera (right, down, ahead).
@@ -273,22 +279,6 @@ def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] |
         raise FlightError(f"{path}: not a reconstruction that can be read ({error})") from None
     attitude, said = camera_attitude(to_world.as_quat(), "camera")
     scale = "" if origin else "; its unit and axes are its own, unless it was aligned"
-    said = [f"{path}: {len(names)} poses of a reconstruction{scale}", *said[1:]]
+    said = [f"{path}: {len(names)} poses of a reconstruction{several}{scale}", *said[1:]]
     zero = np.zeros(len(names), dtype=np.int64)
     return names, PoseTrack(zero, centres, attitude, origin), said
-
-
-def _colmap(text: str) -> tuple[list[str], list[Any], list[Any]]:
-    """Two lines an image: id, quaternion w, x, y, z, translation, camera, name; then its points."""
-    rows = [line.split(maxsplit=9) for line in text.splitlines() if not line.startswith("#")]
-    rows = [row for row in rows if row and not is_number(row[-1].split()[-1])]
-    turns = [[float(row[place]) for place in (2, 3, 4, 1)] for row in rows]
-    return [row[9].strip() for row in rows], turns, [[float(x) for x in row[5:8]] for row in rows]
-
-
-def _opensfm(whole: dict[str, Any]) -> tuple[list[str], list[Any], list[Any]]:
-    from scipy.spatial.transform import Rotation
-
-    shots = whole["shots"]
-    turns = [Rotation.from_rotvec(shot["rotation"]).as_quat() for shot in shots.values()]
-    return list(shots), turns, [shot["translation"] for shot in shots.values()]

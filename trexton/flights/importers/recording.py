@@ -14,7 +14,7 @@ import numpy as np
 from trexton.base.errors import FlightError, ParameterError
 from trexton.flights.frames import Forward, ImageFiles
 from trexton.flights.tables import TIMES
-from trexton.flights.tracking import SET_BACK, counted_on
+from trexton.flights.tracking import SET_BACK, count_of, counted_on
 from trexton.vision.camera import Camera, wrapped
 
 NANO = TIMES["s"]
@@ -109,18 +109,15 @@ class PoseTrack:
             for row in counted_on(self.time_ns, self.position[:, :2])[1][:1]:
                 said[0] += f"; the place goes on at row {lines[row]}: {SET_BACK} mend the stamps"
         if dropped := np.flatnonzero(~kept & ~wrong).tolist():
-            rows = "row" if len(dropped) == 1 else "rows"
             said.append(
-                f"{where}: {len(dropped)} {rows} of positions with a repeated stamp dropped "
-                f"(first: row {lines[order[dropped[0]]]})"
+                f"{where}: {count_of(len(dropped), 'row')} of positions with a repeated stamp "
+                f"dropped (first: row {lines[order[dropped[0]]]})"
             )
         said += [
             f"{where}, rows {lines[order[first[group[row]]]]} and {lines[order[row]]}: one stamp, "
-            f"but places {apart[row]:.2f} m apart: both left out"
+            f"but places {apart[row]:.2f} m apart: both left out ({len(against)} such)"
             for row in against[:1]
         ]
-        if len(against) > 1:
-            said.append(f"{where}: {len(against) - 1} more rows that contradict others")
         return self.rows(order[kept]), said
 
 
@@ -154,11 +151,11 @@ class Recording:
     source: str = ""
     said: list[str] = field(default_factory=list)
 
-    def rows(self, chosen: np.ndarray, said: str) -> Recording:
-        """The recording with these of its frames, and a sentence that says so."""
+    def rows(self, chosen: np.ndarray, *said: str) -> Recording:
+        """The recording with these of its frames, and sentences that say so."""
         frames = None if self.frames is None else self.frames.at(chosen)
         histograms = None if self.histograms is None else self.histograms[chosen]
-        time_ns, words = self.time_ns[chosen], [*self.said, said]
+        time_ns, words = self.time_ns[chosen], [*self.said, *said]
         return replace(self, time_ns=time_ns, frames=frames, histograms=histograms, said=words)
 
 
@@ -244,7 +241,7 @@ def local_metres(
         row = int(np.argmin(good))
         raise FlightError(
             f"position {row + 1} is {latitude[row]}, {longitude[row]}: expected degrees of "
-            "latitude and longitude"
+            f"latitude and longitude{' (exchanged?)' * bool(abs(longitude[row]) <= 90)}"
         )
     corner = float(latitude.min()), float(longitude.min())
     plane = Proj(proj="tmerc", lat_0=corner[0], lon_0=corner[1], ellps="WGS84")

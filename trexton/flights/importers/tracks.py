@@ -4,6 +4,7 @@
 autopilots' logs and subtitles by how a file begins.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,9 +16,9 @@ from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.importers.autopilot import read_log
 from trexton.flights.importers.axes import MAX_ANGLE, axes_option, camera_attitude
-from trexton.flights.importers.mocap import read_motion_capture
+from trexton.flights.importers.mocap import UNITS, read_motion_capture
 from trexton.flights.importers.recording import PoseTrack
-from trexton.flights.tables import LENGTHS, TIMES, TextTable, is_number, read_table
+from trexton.flights.tables import TIMES, TextTable, is_number, read_table
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class TrackColumns(Options):
     quaternion: str = option("", "columns of the attitude instead of a yaw, as in qx,qy,qz,qw")
     axes: str = axes_option()
     time_unit: str = option("s", "unit of the stamps", choices=tuple(TIMES))
-    unit: str = option("m", "unit of the positions", choices=tuple(LENGTHS))
+    unit: str = option("m", "unit of the positions", choices=tuple(UNITS))
     degrees: bool = option(False, "the yaw is in degrees")
     body: str = option("", "of motion capture: the rigid body (default: the only one)")
 
@@ -45,9 +46,9 @@ class TrackColumns(Options):
             raise FlightError(f"{table.path}: no export of motion capture that is known: drop body")
         if stamps is None:
             stamps = table.nanoseconds(self.time, self.time_unit)
-        unknown = np.full(len(table), np.nan)
-        columns = [_column(table, name) if name else unknown for name in (self.x, self.y, self.z)]
-        position = LENGTHS[self.unit] * np.column_stack(columns)
+        said: list[str] = []
+        names = (self.x, self.y, self.z)
+        position = np.column_stack([self._metres(table, name, said) for name in names])
         where, lines = str(table.path), table.rows
         if parts := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
             if sorted(name[-1].lower() for name in parts) == list("wxyz") and "-" not in parts[1]:
@@ -57,23 +58,34 @@ class TrackColumns(Options):
             turns = np.column_stack([_column(table, name) for name in parts])
             if len(parts) == 9:
                 turns = _quaternions(turns)
-            return pose_track(stamps, position, turns, self.axes, where, lines)
-        attitude, said = None, []
+            track, more = pose_track(stamps, position, turns, self.axes, where, lines)
+            return track, said + more
+        attitude = None
         if self.yaw:
             yaw = _column(table, self.yaw)
             largest = float(np.nanmax(np.abs(yaw), initial=0))
-            if not self.degrees and largest > MAX_ANGLE:
-                said = [
-                    f"{where}: yaw of up to {largest:.4g}, beyond two turns in radians: degrees? "
-                    "give --degrees"
-                ]
+            degrees = self.degrees or re.search(r"(?i)deg(rees)?\W?$", self.yaw) is not None
+            found = f"{where}: yaw of up to {largest:.4g}"
+            if not degrees and largest > MAX_ANGLE:
+                said.append(f"{found}, beyond two turns in radians: degrees? give --degrees")
             wraps = np.abs(np.abs(np.diff(yaw)) - 2 * np.pi) < 0.2
-            if self.degrees and largest < 6.3 and wraps.any():
-                said = [f"{where}: yaw of up to {largest:.3g} wraps: radians? leave --degrees out"]
-            yaw = np.radians(yaw) if self.degrees else yaw
+            if degrees and largest < 6.3 and wraps.any():
+                said.append(f"{found} wraps: radians? leave --degrees out")
+            yaw = np.radians(yaw) if degrees else yaw
             attitude = np.column_stack([np.zeros((len(yaw), 2)), yaw])
         track, order = PoseTrack(stamps, position, attitude).ordered(where, lines)
         return track, said + order
+
+    def _metres(self, table: TextTable, name: str, said: list[str]) -> np.ndarray:
+        """``(N,)`` metres; unless a unit is given, of that with which the column's name ends."""
+        if not name:
+            return np.full(len(table), np.nan)
+        ending = re.search(r"(?i)[_ (\[](mm|cm|ft|feet)[)\]]?$", name)
+        unit = self.unit
+        if ending and unit == "m":
+            unit = ending[1].lower().replace("feet", "ft")
+            said.append(f"{table.path}: {name} is taken in {unit}, as its name says")
+        return UNITS[unit] * _column(table, name)
 
 
 TUM = TrackColumns("stamp", "x", "y", "z", quaternion="qx,qy,qz,qw")

@@ -77,9 +77,7 @@ def read(source: Path, settings: Settings) -> Recording:
     return Recording(time_ns, track, frames, source=name, said=words)
 
 
-def estimate_offset(
-    stamps: np.ndarray, motion: np.ndarray, track: PoseTrack
-) -> tuple[float, float]:
+def estimate_offset(stamps: np.ndarray, flow: np.ndarray, track: PoseTrack) -> tuple[float, float]:
     """The stamp of the first frame on the track's clock, and the correlation that speaks for it;
     raises `FlightError` where the track is shorter than two seconds, or nothing moves.
 
@@ -87,7 +85,7 @@ def estimate_offset(
 
     Parameters
     ----------
-    stamps, motion : (N,) arrays
+    stamps, flow : (N,) arrays
         Of the frames: seconds from the first, and image motion before each in pixels a second.
     """
     track = track.located()
@@ -101,7 +99,7 @@ def estimate_offset(
     grid, frames = np.arange(time[0], time[-1], _GRID), np.arange(stamps[0], stamps[-1], _GRID)
     path = np.column_stack([np.interp(grid, time, column) for column in track.position[:, :2].T])
     speed = np.hypot(*np.gradient(path, _GRID, axis=0).T)
-    moved = np.interp(frames, stamps, motion)
+    moved = np.interp(frames, stamps, flow)
     width = round(_AROUND / _GRID)
     window = np.full(width, 1 / width)
     speed, moved = (np.convolve(values, window, mode="same") for values in (speed, moved))
