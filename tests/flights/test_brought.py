@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,6 +104,21 @@ def test_bags_without_stamps_and_their_files(tmp_path):
     flight, said = import_flight(bag(tmp_path / "z.bag", zero_turns=(3,)), tmp_path / "zero")
     assert any("1 rows without an attitude, left out" in line for line in said)
     assert np.isfinite(flight.position[3]).all()  # between its neighbours
+
+
+def test_a_piece_of_a_bag_that_is_named_twice_is_refused(tmp_path):
+    """It would give its messages as often as it is named."""
+    source = bag(tmp_path / "two", ros2=True) / "two.mcap"
+    (tmp_path / "two" / "metadata.yaml").unlink()
+    data, length = source.read_bytes(), struct.Struct("<Q")
+    (summary,) = length.unpack_from(data, len(data) - 8 - 20)
+    at = data.index(b"\x08", summary)
+    while data[at] != 8 or at + 9 + length.unpack_from(data, at + 1)[0] > len(data):
+        at = data.index(b"\x08", at + 1)
+    entry = data[at : at + 9 + length.unpack_from(data, at + 1)[0]]
+    source.write_bytes(data[:at] + entry + data[at:])
+    with pytest.raises(FlightError, match=r"two\.mcap: .*its index names .* twice"):
+        import_flight(source, tmp_path / "out")
 
 
 def test_lost_tracking_is_named_and_left_out(tmp_path, capsys):

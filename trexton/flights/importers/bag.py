@@ -8,6 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
+from itertools import pairwise
 from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
@@ -114,6 +115,7 @@ class _Bag:
             _check_tables(self.source)
             reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
+            _check_named_once(*reader.readers)
         except Exception as error:  # whatever a damaged bag makes the reader raise
             raise self._unreadable(error) from None
         return closing(reader)
@@ -190,6 +192,22 @@ def _check_tables(source: Path) -> None:
             (largest,) = base.execute("SELECT max(length(data)) FROM messages").fetchone()
             if (largest or 0) > MOST_BYTES:
                 raise ValueError(f"a message of {largest:,} bytes: expected up to {MOST_BYTES:,}")
+
+
+def _check_named_once(reader: Any) -> None:
+    """Refuse a bag that names a file, a piece or a message twice: it would come as often."""
+    storage = getattr(reader, "storage", None)
+    files = getattr(storage, "storages", [storage])
+    named: list[Any] = [getattr(file, "path", None) for file in files]
+    for index in getattr(reader, "indexes", {}).values():  # of a bag of ROS 1
+        named += map(tuple, index)
+    twice = len(set(named)) < len(named)
+    for file in files:
+        span = attrgetter("chunk_start_offset", "compressed_size")
+        pieces = sorted(map(span, getattr(file, "chunks", ())))
+        twice |= any(start + size > then for (start, size), (then, _) in pairwise(pieces))
+    if twice:
+        raise ValueError("its index names a file, a piece or a message twice")
 
 
 def _refuse_file(*_: Any) -> NoReturn:

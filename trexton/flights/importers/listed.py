@@ -62,10 +62,8 @@ class Euroc:
         columns = TrackColumns(time, x, y, z, quaternion=turn, axes=settings.axes, time_unit="ns")
         track, said = columns.of(positions)
         files = ImageFiles(tuple(folder / "data" / name for name in table.texts("file")))
-        name, said = (
-            f"ASL folder, {settings.camera} and {found}",
-            [f"positions from {found}", *said],
-        )
+        name = f"ASL folder, {settings.camera} and {found}"
+        said = [f"positions from {found}", *said]
         stamps = table.nanoseconds("stamp", "ns")
         return Recording(stamps, track, files, camera=camera, source=name, said=said)
 
