@@ -96,6 +96,13 @@ def test_a_flight_named_as_a_result_is_refused(name, tmp_path):
         check_out(tmp_path, pairs)
 
 
+def test_results_into_a_file_are_refused_before_the_work(flight, tmp_path, capsys):
+    (out := tmp_path / "out").write_text("mine")
+    assert cli.main(["report", flight, "--no-book", "--out", str(out)]) != 0
+    said = capsys.readouterr()
+    assert not said.out and f"{out} is no folder" in said.err
+
+
 def test_two_flights_of_one_name_are_refused(flight, tmp_path):
     """Each row would tell the results of whichever was flown last."""
     write_flight(replace(small_flight(), time=small_flight().time * 2), tmp_path / "other")

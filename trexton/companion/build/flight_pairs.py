@@ -20,6 +20,7 @@ import numpy as np
 
 from trexton.base.cache import repository_root
 from trexton.base.errors import FlightError, ParameterError
+from trexton.base.files import check_writable
 from trexton.base.options import Options
 from trexton.base.progress import say
 from trexton.companion.experiments.declaration import NEEDS, Experiment
@@ -37,7 +38,9 @@ def check_out(out: Path, pairs: Sequence[FlightPair]) -> None:
     ------
     ParameterError
         A name comes twice, or is that of something that lies beside them; they would lie there.
+        The folder is a file, or may not be written to.
     """
+    check_writable(out / "report.html")
     names = [pair.name for pair in pairs]
     if ours := [name for name in names if name in ("book", "report.html")]:
         raise ParameterError(f"a flight is named {ours[0]!r}, as a result is: name it otherwise")
