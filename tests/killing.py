@@ -331,8 +331,11 @@ def kill(
                 grave.fault(f"{path} is neither the old nor the new one ({digest[:20]})")
         if finish:
             grave.whole_run(varieties[which])
-            if own(which, grave.contents(case.out)) != own(which, whole[which]):
-                grave.fault("the next run has another result")
+            found, meant = own(which, grave.contents(case.out)), own(which, whole[which])
+            for path in sorted(found.keys() | meant.keys()):
+                if found.get(path) != meant.get(path):
+                    was, now = (each.get(path, "absent")[:20] for each in (meant, found))
+                    grave.fault(f"the next run has another result: {path} {was} -> {now}")
             for left in sorted(grave.everything() - known):
                 grave.fault(f"left: {left}")
 
