@@ -41,7 +41,7 @@ def execute(
         The folder that it writes to instead; the notebook itself is written beside it.
     threads : int or None
         Threads that the numerical libraries may take; None: the machine is this notebook's, and
-        what it spreads runs in as many processes as there are processors.
+        what it spreads runs in as many processes of one thread as there are processors.
     """
     import jupytext
     import nbformat
@@ -82,11 +82,12 @@ def execute(
 
 
 def _environment(threads: int | None) -> dict[str, str]:
-    """Of a kernel."""
+    """Of a kernel. One that is alone shares its work among processes: their threads would wait for
+    each other.
+    """
     own = {"JUPYTER_PREFER_ENV_PATH": "1", "PYDEVD_DISABLE_FILE_VALIDATION": "1"}
-    if threads is None:
-        return {**os.environ, **own, PROCESSES: str(usable_cores())}
-    return {**os.environ, **own, PROCESSES: "1", **dict.fromkeys(THREAD_VARIABLES, str(threads))}
+    own |= {PROCESSES: str(usable_cores() if threads is None else 1)}
+    return {**os.environ, **own, **dict.fromkeys(THREAD_VARIABLES, str(threads or 1))}
 
 
 def _register_engine() -> None:
