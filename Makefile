@@ -88,7 +88,7 @@ full: env  ## the long sweep of data/sweeps, fine, landings, aiding and survey d
 	  --set floors=10 frames=2525 training=250 kidnappings=200
 	cp results/full/sim-survey/fine.json data/reference/fine.json
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only touchdown \
-	  --out results/full --set floors=10 flights=20
+	  --out results/full --set floors=10 flights=8
 	cp results/full/sim-survey/touchdown.json data/reference/touchdown.json
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only aiding \
 	  --out results/full --set floors=10 survey=400 frames=250

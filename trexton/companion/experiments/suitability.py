@@ -168,23 +168,24 @@ def predicted_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
 def measured_over_predicted(rows: Rows, kept: Rows) -> Figure:
     """Measured error over the predicted one, and over the paper's loss; `kept` floors open."""
     with canvas(1, 2, size=(7.2, 3.4), sharey=True) as (figure, axes):
-        first, second = axes[0]
         for points, face, label in ((kept, "none", "long run"), (rows, None, "this run")):
-            mark: dict[str, Any] = {"color": COLORS["field"], "markersize": 5, "label": label}
             measured = [row["field_cm"] for row in points.values()]
-            for plot, key in ((first, "predicted_cm"), (second, "loss")):
+            for plot, key in zip(axes[0], ("predicted_cm", "loss"), strict=True):
                 predicted = [row[key] for row in points.values()]
                 if points:
-                    plot.plot(predicted, measured, "o", markerfacecolor=face, **mark)
-        every = [*rows.values(), *kept.values()]
-        both = [row[key] for row in every for key in ("predicted_cm", "field_cm")]
+                    plot.plot(predicted, measured, "o", color=COLORS["field"],
+                              markerfacecolor=face, markersize=5, label=label)  # fmt: skip
+        both = [row[key] for row in (*rows.values(), *kept.values())
+                for key in ("predicted_cm", "field_cm")]  # fmt: skip
         ends = [min(both) / 1.2, max(both) * 1.2]
-        first.plot(ends, ends, color=COLORS["truth"], linewidth=0.8, zorder=0)
-        first.set(xscale="log", yscale="log", xlim=ends, ylim=ends)
-        first.set(xlabel="predicted error (cm)", ylabel="measured error (cm)")
-        plain_log_ticks(first.xaxis, first.yaxis, second.yaxis)
-        second.set_xlabel("the paper's loss")
-        legend_above(first, 2)
+        axes[0, 0].plot(ends, ends, color=COLORS["truth"], linewidth=0.8, zorder=0)
+        axes[0, 0].set(
+            xscale="log", yscale="log", xlim=ends, ylim=ends,
+            xlabel="predicted error (cm)", ylabel="measured error (cm)",
+        )  # fmt: skip
+        plain_log_ticks(axes[0, 0].xaxis, axes[0, 0].yaxis, axes[0, 1].yaxis)
+        axes[0, 1].set_xlabel("the paper's loss")
+        legend_above(axes[0, 0], 2)
     return figure
 
 
