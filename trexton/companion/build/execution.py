@@ -128,7 +128,8 @@ def _cleaned(notebook: Any, parameters: Mapping[str, Any], work: str) -> str:
     tags: list[str] = []
     for number, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{number}"  # else drawn anew at each run
-        cell.metadata.pop("execution", None)
+        for times in ("execution", "papermill"):
+            cell.metadata.pop(times, None)
         own = cell.metadata.get("tags", [])
         if "parameters" in own:
             tags = [tag for tag in own if tag != "parameters"]
