@@ -257,7 +257,7 @@ class Grave:
         return found
 
     def contents(self, out: str) -> dict[str, str]:
-        """What stands at `out`, file by file, by a digest without times."""
+        """What stands at `out`, file by file, by a digest without times and commits."""
         place = self.work / out
         files = [place] if place.is_file() else sorted(place.rglob("*"))
         return {
@@ -280,8 +280,10 @@ def _digest(path: Path) -> str:
         if path.suffix in (".json", ".ipynb"):
             content = json.loads(data)
             content.pop("timings", None)
+            for made in (content, content.get("provenance", {})):
+                made.pop("commit", None)  # somebody may commit beside this
             data = json.dumps(content, sort_keys=True).encode()
-    except (ValueError, KeyError) as error:
+    except (ValueError, AttributeError) as error:
         return f"damaged: {error}"
     if "book" in path.parts and path.suffix in (".html", ".svg"):  # may tell times, random names
         end = data.rstrip()[-7:]
