@@ -9,6 +9,7 @@ from trexton.base.errors import MapError, ParameterError
 from trexton.companion.experiments.sweeps import TreeSearch
 from trexton.localization.neighbors import (
     ChiSquare,
+    Euclidean,
     Hellinger,
     NearestHistograms,
     neighbors_in_flight,
@@ -119,3 +120,10 @@ def test_chi_square_is_half_the_sum_over_what_either_has():
     queries, rows = np.array([[0.5, 0.0, 0.25]]), np.array([[0.25, 0.0, 0.75], [0.0, 0.0, 0.25]])
     expected = [0.5 * (0.25**2 / 0.75 + 0.5**2 / 1.0), 0.5 * 0.5**2 / 0.5]
     np.testing.assert_allclose(ChiSquare().between(queries, rows), [expected])
+
+
+@pytest.mark.parametrize("distance", [Euclidean(), Hellinger()])
+def test_what_has_features_lies_between_them(distance):
+    queries, rows = np.array([[0.5, 0.5], [1.0, 0.0]]), np.array([[0.25, 0.75]])
+    apart = distance.features(queries) - distance.features(rows)
+    np.testing.assert_allclose(distance.between(queries, rows), np.hypot(*apart.T)[:, None])
