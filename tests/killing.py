@@ -353,7 +353,10 @@ def kill(
         if grave.rng.random() < 0.5:
             _restore(good if grave.rng.random() < 0.5 else inputs, work)
         process = grave.start(varieties[attempt % 2])
-        time.sleep(grave.rng.uniform(0, 1.1 * seconds[1]))
+        until = time.monotonic() + grave.rng.uniform(0, 1.1 * seconds[1])
+        ended = partial(os.waitid, os.P_PID, process, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        while time.monotonic() < until and ended() is None:
+            time.sleep(0.002)
         grave.strike(process)
         killed = grave.bury(process)
         done += killed
