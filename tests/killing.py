@@ -46,14 +46,19 @@ class Case:
     gathers: str = ""  # where what the other left may stay
 
 
+SEEDS = ("--seed", "1"), ("--seed", "2")
+NEIGHBORS = ("neighbors=2",), ("neighbors=3",)
+RUN = ("run", "plain", "--only", "mocap_training", "--out", "out")
+PLANS = ("two.toml",), ("three.toml",)
+SMALL = ("--set", "particles=10", "repeats=2")
 CASES = {
     "simulate": Case(
         ("simulate", "--out", "out", "--frames", "3", "--floor", "room/floor.png", "--replace"),
-        (("--seed", "1"), ("--seed", "2")),
+        SEEDS,
     ),
     "train": Case(
         ("train", "room", "-o", "map.npz", "--textons", "3", "--set", "measurement.neighbors=2"),
-        (("--seed", "1"), ("--seed", "2")),
+        SEEDS,
         "map.npz",
     ),
     "fetch": Case(("data", "fetch", "thing", "--out", "out"), ((), ())),
@@ -61,33 +66,17 @@ CASES = {
         ("import", "csv", "table.csv", "--out", "out", "--replace"),
         (("--split", "0.5"), ("--split", "0.4")),
     ),
-    "export": Case(
-        ("export", "room", "tum", "--out", "track.tum"), ((), ()), "track.tum"
-    ),
-    "run": Case(
-        ("run", "plain", "--only", "mocap_training", "--no-book", "--out", "out",
-         "--set", "particles=10", "repeats=2"),
-        (("neighbors=2",), ("neighbors=3",)),
-    ),
-    "sweep": Case(
-        ("sweep", "--out", "out"), (("two.toml",), ("three.toml",)), gathers="out/cells/",
-    ),
+    "export": Case(("export", "room", "tum", "--out", "track.tum"), ((), ()), "track.tum"),
+    "run": Case((*RUN, "--no-book", *SMALL), NEIGHBORS),
+    "sweep": Case(("sweep", "--out", "out"), PLANS, gathers="out/cells/"),
     "suitability": Case(
         ("suitability", "room/floor.png", "--width", "4", "--frames", "40", "--test-frames", "20",
          "--out", "out"),
-        (("--seed", "1"), ("--seed", "2")),
+        SEEDS,
     ),
-    "book": Case(
-        ("run", "plain", "--only", "mocap_training", "--out", "out",
-         "--set", "particles=10", "repeats=2"),
-        (("neighbors=2",), ("neighbors=3",)),
-    ),
+    "book": Case((*RUN, *SMALL), NEIGHBORS),
     # It writes nothing: whatever is there must stay as it was.
-    "tune": Case(
-        ("tune", "long", "--trials", "3", "--methods", "paper"),
-        (("--seed", "1"), ("--seed", "2")),
-        "",
-    ),
+    "tune": Case(("tune", "long", "--trials", "3", "--methods", "paper"), SEEDS, ""),
     "report": Case(
         ("report", "plain", "--no-book", "--out", "out"),
         (("--methods", "paper"), ("--methods", "paper field")),
@@ -109,9 +98,8 @@ def prepare(folder: Path) -> None:
     write_flight(histogram_flight("long", 120), folder / "long")
     rows = "".join(f"{i},{i},{i % 3},pictures/{100 + i:04d}.png\n" for i in range(2))
     for i in range(2):
-        cv2.imwrite(
-            str(folder / "pictures" / f"{100 + i:04d}.png"), np.full((24, 32, 3), 50 * i, np.uint8)
-        )
+        grey = np.full((24, 32, 3), 50 * i, np.uint8)
+        cv2.imwrite(str(folder / "pictures" / f"{100 + i:04d}.png"), grey)
     (folder / "table.csv").write_text("t,x,y,image\n" + rows)
     plan = (
         'experiment = "mocap_training"\nflights = ["plain"]\n[set]\nparticles = 10\nrepeats = 2\n'

@@ -37,12 +37,8 @@ def house(tmp_path, flight_folder):
         experiments = {"first": tiny("First"), "second": tiny("Second", after=("first",))}
 
         def run(self, **options):
-            options = {
-                "jobs": 1,
-                "notebooks": self.notebooks,
-                "experiments": self.experiments,
-            } | options
-            outcomes = run_experiments([FlightPair(str(self.flight))], self.out, **options)
+            own = {"jobs": 1, "notebooks": self.notebooks, "experiments": self.experiments}
+            outcomes = run_experiments([FlightPair(str(self.flight))], self.out, **own | options)
             return {outcome.experiment: outcome for outcome in outcomes}
 
         def runs(self, name):
@@ -347,7 +343,7 @@ def test_a_memory_that_cannot_be_read_is_put_away(without_kernels, house):
 
 
 def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
-    without_kernels, house, tmp_path
+    without_kernels, house, tmp_path, monkeypatch
 ):
     """Killed outright while a notebook runs; the next run starts over, nothing is half-made."""
     marker = tmp_path / "kernel.pid"
@@ -367,10 +363,8 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     places = (str(house.flight), str(house.out), str(house.notebooks))
     temporary = tmp_path / "temporary"
     temporary.mkdir()
-    run = subprocess.Popen(
-        [sys.executable, "-c", script, *places], stderr=subprocess.DEVNULL,
-        env=os.environ | {"TMPDIR": str(temporary)},
-    )  # fmt: skip
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    run = subprocess.Popen([sys.executable, "-c", script, *places], stderr=subprocess.DEVNULL)
     kernel = eventually(lambda: marker.exists() and marker.read_text())
     run.send_signal(signal.SIGKILL)
     run.wait()

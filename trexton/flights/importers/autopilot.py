@@ -15,6 +15,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.files import read_text
+from trexton.flights.importers.mocap import UNITS
 from trexton.flights.importers.recording import PoseTrack, local_metres, nanoseconds
 
 # Messages of ArduPilot that hold a position, the best first, or an attitude, and their parts.
@@ -86,7 +87,7 @@ def _subtitles(path: Path) -> PoseTrack | None:
         height = _HEIGHT.search(block)
         values = [each.replace(",", ".") for each in (*place, height[1] if height else "nan")]
         rows.append([3600 * hours + 60 * minutes + seconds + milli / 1000, *map(float, values)])
-        rows[-1][3] *= 0.3048 if height and height[2] else 1
+        rows[-1][3] *= UNITS["ft"] if height and height[2] else 1
     return _earthly(np.array(rows, dtype=float).reshape(-1, 4))
 
 
