@@ -61,13 +61,13 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
     if not top > 0:
         return []
     zero, frozen, flown = _parted(time, position, top)
-    if (slow := _slow_top_speed(time, position)) < top / 2:  # many are lost one by one, perhaps
+    if 0 < (slow := _slow_top_speed(time, position)) < top / 2:  # many are lost one by one?
         other = _parted(time, position, slow)
-        if _returns(position, other[2]):
+        if _returns(position, other[2], flown & ~other[2]):
             (zero, frozen, flown), top = other, slow
     jumped = ~(flown | frozen | zero)
     found: list[Lost] = []
-    if jumped.mean() > LONGEST and (jumped.mean() > MANY or not _returns(position, flown)):
+    if jumped.mean() > LONGEST and (jumped.mean() > MANY or not _returns(position, flown, ~flown)):
         said = f"{jumped.sum()} of {len(rows)} positions cannot be flown to from the others"
         said += f", at {JUMP:g} times the top speed of {top:.2g} m/s"
         return [(said, rows[jumped], False)]
@@ -125,11 +125,11 @@ def _parted(
     return zero, frozen, flown
 
 
-def _returns(position: np.ndarray, flown: np.ndarray) -> bool:
-    """Whether the way goes on near where it was before the other rows, which lie far from both: who
+def _returns(position: np.ndarray, flown: np.ndarray, lost: np.ndarray) -> bool:
+    """Whether the way goes on near where it was before the lost rows, which lie far from both: who
     flies fast, or is measured badly, does not come back like that.
     """
-    others, kept = np.flatnonzero(~flown), np.flatnonzero(flown)
+    others, kept = np.flatnonzero(lost), np.flatnonzero(flown)
     after = np.searchsorted(kept, others)
     within = (after > 0) & (after < len(kept))
     others, after = others[within], after[within]
