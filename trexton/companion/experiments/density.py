@@ -91,15 +91,13 @@ def _over(
     common: dict[str, Any] = {"floor": floor, "camera": camera, "height": height, "every": 2}
     with scratch_folder("density") as folder:
         later = record_flight(
-            folder / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1,
-            **common,
-        )  # fmt: skip
+            folder / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1, **common
+        )
         frames, over = frames_of(later), []
         for times in TIMES:
             survey = record_flight(
-                folder / f"survey-{times}", frames=times * parameters.survey, seed=seed,
-                **common,
-            )  # fmt: skip
+                folder / f"survey-{times}", frames=times * parameters.survey, seed=seed, **common
+            )
             places, _ = grid_cells(survey.area, PLACES)
             apart = float(cKDTree(survey.position).query(places)[0].mean())
             flown = {

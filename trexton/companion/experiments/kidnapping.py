@@ -30,15 +30,15 @@ from trexton.localization.training import for_method
 
 # name: how it begins a sentence, method, choices, style of its line
 FILTERS: dict[str, tuple[str, str, dict[str, object], dict[str, Any]]] = {
-    "plain": (
-        "The paper's filter", "paper", {"recovery": "none"}, {"color": COLORS["paper"]}
-    ),
+    "plain": ("The paper's filter", "paper", {"recovery": "none"}, {"color": COLORS["paper"]}),
     "augmented": (
-        "With random particles it", "paper", {"recovery": "augmented"},
+        "With random particles it",
+        "paper",
+        {"recovery": "augmented"},
         {"color": COLORS["other"], "linestyle": "--"},
     ),
     "field": ("The field", "field", {}, {"color": COLORS["field"], "linestyle": "-."}),
-}  # fmt: skip
+}
 SETTLED = 25  # frames, two seconds, in which the filter localizes the vehicle for the first time
 
 

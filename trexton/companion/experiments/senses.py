@@ -10,7 +10,7 @@ from trexton.base.records import Record
 from trexton.companion.experiments import baselines
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.public_flights import read_ble
-from trexton.companion.wording import percent
+from trexton.companion.wording import middle, percent
 from trexton.flights.flight import Flight
 from trexton.flights.registry import locate
 
@@ -52,7 +52,7 @@ def finding(record: Record) -> str:
     """What the experiment found, in a sentence or two."""
     if record.values["absent"]:
         return f"The data are not at hand: {record.values['absent']}."
-    held = percent(record.values["field"]["held"])
+    held = percent(middle(record.values["field"]["held"]))
     return f"{baselines.verdict(record.values)} Its 90 % region covers {held} of the positions."
 
 

@@ -60,12 +60,10 @@ LANDERS = {
     "paper": Entry("The paper's filter and trigger", "paper", "inside"),
     "field_inside": Entry("Field, the paper's trigger", "field", "inside"),
     "field": Entry("Field, predicted touchdown", "field"),
-    "field_odometry": Entry(
-        "Field and visual odometry", "odometry", aiding=(*ATTITUDE, "height")
-    ),
+    "field_odometry": Entry("Field and visual odometry", "odometry", aiding=(*ATTITUDE, "height")),
     "fine": Entry("Method fine", "fine", aiding=ATTITUDE),
     "truth": Entry("The true position", "truth"),
-}  # fmt: skip
+}
 CELLS = 2  # parts of the image a side for the field
 FIRST_FLOOR = 600  # seed of the first painted floor; no setting was chosen on these
 
