@@ -88,21 +88,18 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         },
     }
     # Of the field, where it had a velocity: shares of frames.
-    values["held"] = {
-        aid: {"value": float(np.mean([flown["field"][aid].held(truth).mean()
-                                      for flown, truth in over]))}
-        for aid in ("velocity", "turned")
-    }  # fmt: skip
+    values["held"] = {}
+    for aid in ("velocity", "turned"):
+        shares = [flown["field"][aid].held(truth).mean() for flown, truth in over]
+        values["held"][aid] = {"value": float(np.mean(shares))}
     values |= {"floors": len(over), "frames": int(errors["field"]["nothing"].size)}
     return parameters.record(train, values=values)
 
 
 def _over(parameters: Parameters, seed: int, floor: Floor, camera: Camera, height: float) -> _Over:
     """Survey a floor, fly over it later, and localize that flight with all that is compared."""
-    common: dict[str, Any] = {
-        "floor": floor, "camera": camera, "height": height, "every": 2,
-        "effects": Effects(height_ripple=RIPPLE),
-    }  # fmt: skip
+    common: dict[str, Any] = {"floor": floor, "camera": camera, "height": height, "every": 2}
+    common["effects"] = Effects(height_ripple=RIPPLE)
     with scratch_folder("aiding") as folder:
         survey = record_flight(folder / "survey", frames=parameters.survey, seed=seed, **common)
         later = record_flight(

@@ -93,11 +93,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         if name == variant.method:  # flown once for all pages
             runs = flown(train, test, parameters, name, texton_map=changed[name])
         else:
-            own: dict[str, Any] = {"repeats": parameters.repeats, "particles": parameters.particles}
-            runs = tracks(
-                changed[name], frames, seed=parameters.seed, samples=parameters.samples,
-                **(own if variant.method == "paper" else {"repeats": 1}),
-            )  # fmt: skip
+            how: dict[str, Any] = {"samples": parameters.samples, "repeats": 1}
+            if variant.method == "paper":
+                how |= {"particles": parameters.particles, "repeats": parameters.repeats}
+            runs = tracks(changed[name], frames, seed=parameters.seed, **how)
         flights[name] = runs
         timings[name]["step_s"] = float(np.median(runs[0].step_s))
     values: dict[str, Any] = {

@@ -146,10 +146,8 @@ def errors(record: Record) -> Figure:
             color = COLORS[method if method in COLORS else "field"]
             entries = [survey[method]["error_cm"] for survey in surveys]
             with_intervals(plot, apart, entries, fmt=mark + stroke, color=color, label=label)
-        plot.set(
-            xlabel="mean distance to the nearest frame of the survey (cm)",
-            ylabel="mean error (cm)", xlim=(0, None), ylim=(0, None),
-        )  # fmt: skip
+        plot.set_xlabel("mean distance to the nearest frame of the survey (cm)")
+        plot.set(ylabel="mean error (cm)", xlim=(0, None), ylim=(0, None))
         legend_above(plot)
     return figure
 

@@ -65,21 +65,19 @@ def flown(
         The method's map where it is at hand; else it is trained.
     """
     repeats = RUNS[method] if repeats is None else repeats
-    options = {"samples": parameters.samples}
+    options: dict[str, Any] = {"samples": parameters.samples}
     if method == "paper":
         options["particles"] = parameters.particles
 
     def compute() -> dict[str, np.ndarray]:
         chosen = texton_map or method_map(train, parameters, method)
-        runs = tracks(
-            chosen, frames_of(test), repeats=repeats, seed=parameters.seed, times=test.time,
-            label=method, **options,
-        )  # fmt: skip
+        how: dict[str, Any] = {"seed": parameters.seed, "times": test.time, "label": method}
+        runs = tracks(chosen, frames_of(test), repeats=repeats, **how, **options)
         return {name: np.stack([getattr(run, name) for run in runs]) for name in ARRAYS}
 
-    inputs = {"train": train.data_hash, "test": test.data_hash, "method": method,
-              "repeats": repeats, "textons": parameters.textons, "neighbors": parameters.neighbors,
-              "seed": parameters.seed, **options}  # fmt: skip
+    inputs = {"train": train.data_hash, "test": test.data_hash, "method": method, **options}
+    inputs |= {"textons": parameters.textons, "neighbors": parameters.neighbors}
+    inputs |= {"seed": parameters.seed, "repeats": repeats}
     arrays = cached("flown", __name__, inputs, compute)
     return [Track(*(arrays[name][run] for name in ARRAYS)) for run in range(repeats)]
 

@@ -272,6 +272,5 @@ def over_time(record: Record) -> Figure:
 
 
 EXPERIMENT = Experiment(
-    "Method fine: image registration", Parameters, run, finding,
-    needs=SURVEYED, after=("mosaic",), cost_s=40,
-)  # fmt: skip
+    "Method fine: image registration", Parameters, run, finding, SURVEYED, ("mosaic",), cost_s=40
+)

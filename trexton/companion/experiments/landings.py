@@ -259,8 +259,7 @@ def zone_ring(axes: Axes, center: Any, radius: float, **style: Any) -> None:
 
 def landed(axes: Axes, places: np.ndarray, color: str, label: str, inside: bool = True) -> None:
     """Landings of one outcome: full dots inside their zone, open triangles outside."""
-    axes.scatter(
-        places[:, 0], places[:, 1], s=26, marker="o" if inside else "^", label=label, zorder=5,
-        facecolors=color if inside else "white", edgecolors="white" if inside else color,
-        linewidths=0.6 if inside else 1.1,
-    )  # fmt: skip
+    face, edge = (color, "white") if inside else ("white", color)
+    dot: dict[str, Any] = {"facecolors": face, "edgecolors": edge, "label": label}
+    dot |= {"marker": "o", "linewidths": 0.6} if inside else {"marker": "^", "linewidths": 1.1}
+    axes.scatter(places[:, 0], places[:, 1], s=26, zorder=5, **dot)

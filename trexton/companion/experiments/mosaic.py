@@ -120,10 +120,8 @@ def stitched(record: Record) -> Figure:
     frames, anchors = np.array(series["frames_m"]), np.array(series["anchors_m"])
     with plan_canvas(record, (6.2, 6.4), "map", fade=1.0) as (figure, plan):
         plan.plot(*frames.T, color="white", linewidth=0.7, alpha=0.8)
-        plan.plot(
-            *anchors.T, "o", color=SERIES[1], markeredgecolor="white", markersize=6,
-            label="frames that place it",
-        )  # fmt: skip
+        dot: dict[str, Any] = {"color": SERIES[1], "markeredgecolor": "white", "markersize": 6}
+        plan.plot(*anchors.T, "o", label="frames that place it", **dot)
         legend_below(plan, 0.1)
     return figure
 

@@ -122,10 +122,8 @@ def _over(
 ) -> dict[str, dict[str, _Flown]]:
     """By change and method, what was flown over one floor."""
     with scratch_folder("rooms") as folder:
-        survey = record_flight(
-            folder / "survey", frames=parameters.survey, seed=seed, floor=floor, camera=camera,
-            height=height,
-        )  # fmt: skip
+        room: dict[str, Any] = {"floor": floor, "camera": camera, "height": height}
+        survey = record_flight(folder / "survey", frames=parameters.survey, seed=seed, **room)
         base = train_map(survey, rng=stream(seed, "map"))
         maps = {
             method: for_method(base, method, flight=survey, rng=stream(seed, f"map {method}"))
@@ -152,11 +150,10 @@ def _flight(
     """
     plan_rng, simulator_rng = stream(seed, "later").spawn(2)
     plan = Plan(random_waypoints(floor.area, plan_rng))
-    simulator = _Turning(
-        changed_floor(floor, change), camera=camera, effects=Effects().without("jpeg"),
-        light=change.light, start=plan.start, height=height * change.height, speed=SPEED,
-        rng=simulator_rng,
-    )  # fmt: skip
+    room: dict[str, Any] = {"camera": camera, "height": height * change.height}
+    room |= {"light": change.light, "effects": Effects().without("jpeg")}
+    flown: dict[str, Any] = {"start": plan.start, "speed": SPEED, "rng": simulator_rng}
+    simulator = _Turning(changed_floor(floor, change), **room, **flown)
     kept = np.unique((np.arange(count) / change.rate).astype(int))
     frames, times, places, aiding = [], [], [], []
     for number in range(kept[-1] + 1):

@@ -173,16 +173,14 @@ def measured_over_predicted(rows: Rows, kept: Rows) -> Figure:
             for plot, key in zip(axes[0], ("predicted_cm", "loss"), strict=True):
                 predicted = [row[key] for row in points.values()]
                 if points:
-                    plot.plot(predicted, measured, "o", color=COLORS["field"],
-                              markerfacecolor=face, markersize=5, label=label)  # fmt: skip
-        both = [row[key] for row in (*rows.values(), *kept.values())
-                for key in ("predicted_cm", "field_cm")]  # fmt: skip
+                    dot: dict[str, Any] = {"color": COLORS["field"], "markersize": 5}
+                    plot.plot(predicted, measured, "o", markerfacecolor=face, label=label, **dot)
+        shown, keys = (*rows.values(), *kept.values()), ("predicted_cm", "field_cm")
+        both = [row[key] for row in shown for key in keys]
         ends = [min(both) / 1.2, max(both) * 1.2]
         axes[0, 0].plot(ends, ends, color=COLORS["truth"], linewidth=0.8, zorder=0)
-        axes[0, 0].set(
-            xscale="log", yscale="log", xlim=ends, ylim=ends,
-            xlabel="predicted error (cm)", ylabel="measured error (cm)",
-        )  # fmt: skip
+        axes[0, 0].set(xscale="log", yscale="log", xlim=ends, ylim=ends)
+        axes[0, 0].set(xlabel="predicted error (cm)", ylabel="measured error (cm)")
         plain_log_ticks(axes[0, 0].xaxis, axes[0, 0].yaxis, axes[0, 1].yaxis)
         axes[0, 1].set_xlabel("the paper's loss")
         legend_above(axes[0, 0], 2)

@@ -54,16 +54,19 @@ class Track:
     @classmethod
     def of(cls, estimates: list[Estimate], step_s: np.ndarray) -> Track:
         """The run that gave these estimates."""
-        nothing = np.full(2, np.nan)
+
+        def neighbors(estimate: Estimate) -> np.ndarray:
+            near = estimate.neighbors
+            return np.full(2, np.nan) if near is None else near.position.mean(axis=0)
+
         return cls(
             np.array([each.position for each in estimates]),
             np.array([each.covariance for each in estimates]),
             np.array([each.lost for each in estimates]),
-            np.array([nothing if (near := each.neighbors) is None
-                      else near.position.mean(axis=0) for each in estimates]),
+            np.array([neighbors(each) for each in estimates]),
             step_s,
             estimates,
-        )  # fmt: skip
+        )
 
     @property
     def spread(self) -> np.ndarray:

@@ -60,11 +60,9 @@ class VirtualFlights(Options):
         usual = int(np.clip(path / (SURVEY_SPEED * PERIOD * every), 200, 2000))
         record = partial(record_flight, floor=floor, height=self.height, every=every, camera=camera)
 
-        survey, *later = [
-            record(folder / str(n), pattern="waypoints" if n else "survey", seed=self.seed + n,
-                   frames=self.test_frames if n else self.frames or usual)
-            for n in range(count + 1)
-        ]  # fmt: skip
+        survey = record(folder / "0", pattern="survey", seed=self.seed, frames=self.frames or usual)
+        again = partial(record, pattern="waypoints", frames=self.test_frames)
+        later = [again(folder / str(n), seed=self.seed + n) for n in range(1, count + 1)]
         return survey, later
 
 
