@@ -5,6 +5,7 @@ import pytest
 
 from trexton.field.likelihood import (
     CLUTTER_SHARE,
+    COUNTED_RESIDUAL,
     DEGREES_OF_FREEDOM,
     Basis,
     Table,
@@ -85,6 +86,28 @@ def test_tiles_have_a_distribution_each_and_the_better_half_says_what_is_familia
     expected = np.sort(squared, axis=0)[:3].mean(axis=0)
     found = better_half(tables.squared_residuals(features, cells))
     np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 1.6])
+def test_of_few_samples_the_noise_is_that_of_counting(rng, spread, scale):
+    signal, noise = spread
+    means, variance = [np.zeros((2, 3))] * 4, np.zeros(2)
+
+    def familiar(samples: int | None) -> float:
+        bases = [Basis.of(signal, noise / 100, samples)] * 4
+        return TileTables(means, variance, bases).familiar_residual(scale)
+
+    assert familiar(None) == scale  # where every patch is counted
+    least = max(scale, COUNTED_RESIDUAL)
+    assert scale <= familiar(10**4) <= familiar(400) <= familiar(1) <= least
+    assert familiar(1) == pytest.approx(least, rel=0.1)
+
+
+def test_the_share_of_the_noise_that_counting_adds_is_that_of_whitened_draws(rng):
+    noise = np.diag([1e-3, 4e-3])
+    basis = Basis.of(np.ones(2), noise, 100)
+    counted = 0.05 * rng.standard_normal((20_000, 2)) @ basis.whiten
+    assert np.square(counted).mean() == pytest.approx(basis.counted, rel=0.05)
 
 
 def test_radial_functions_are_a_third_of_the_length_wide():

@@ -206,7 +206,8 @@ class Field(MeasurementModel):
         deviations, cell = self.deviations(observation.histogram), log_posterior.argmax()
         tables = self.tables(observation.samples)
         squared = better_half(tables.squared_residuals(deviations[None], np.array([cell])))
-        return float(squared[0] / max(float(self.residual_scale), MIN_VARIANCE))
+        familiar = tables.familiar_residual(float(self.residual_scale))
+        return float(squared[0] / max(familiar, MIN_VARIANCE))
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
         return bilinear(self.log_posterior(observation).reshape(self.shape), self.area, places)
@@ -265,7 +266,7 @@ class FrameEvidence:
         by_tile, tables, deviations = self._likelihoods(frame, states, levels)
         log_posterior = by_tile.sum(axis=0) + self._prior
         squared = tables.squared_residuals(deviations, log_posterior.argmax(axis=1))
-        residuals = squared / float(self._field.residual_scale)
+        residuals = squared / tables.familiar_residual(float(self._field.residual_scale))
         peak = log_posterior.max(axis=1)
         total = np.exp(log_posterior - peak[:, None]).sum(axis=1)
         return peak + np.log(total), residuals.T

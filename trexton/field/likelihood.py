@@ -17,6 +17,7 @@ CLUTTER_SHARE = 0.02  # of tiles, that show what the survey did not
 # of other senses, such as radio, which change slowly over the area.
 UNIFORM_SHARE, WIDE_UNIFORM_SHARE = 0.1, 0.5
 MIN_EXPLAINED = 0.02  # share of the signal that the field explains of any place
+COUNTED_RESIDUAL = 1.1  # squared, of familiar frames in which counting is all the noise
 PEAKS, PEAK_MASS = 2, 0.02  # at most; and the share of a likelihood that one must hold
 
 
@@ -30,10 +31,13 @@ class Basis:
         Features times this are in the basis.
     strength : (d,) array
         Variances of the signal along the axes, of the noise 1.
+    counted : float
+        Share of the noise that comes of counting only so many samples.
     """
 
     whiten: np.ndarray
     strength: np.ndarray
+    counted: float = 0.0
 
     @classmethod
     def of(cls, signal: np.ndarray, noise: np.ndarray, samples: int | None) -> Basis:
@@ -44,7 +48,8 @@ class Basis:
         lengths, axes = np.linalg.eigh(noise + counted * np.eye(len(noise)))
         white = axes / np.sqrt(np.maximum(lengths, lengths[-1] * 1e-9 + 1e-12))
         strength, turn = np.linalg.eigh(white.T @ (signal[:, None] * white))
-        return cls(white @ turn, np.maximum(strength, 0))
+        share = counted * float(np.square(white).sum()) / len(noise)
+        return cls(white @ turn, np.maximum(strength, 0), share)
 
 
 class Table:
@@ -96,7 +101,7 @@ class TileTables:
 
         A tile of several may show what was not there: a mixture at every cell.
         """
-        all_likely, tiles = [], self._tiles(features)
+        all_likely, tiles = [], np.split(features, len(self.tables), axis=-1)
         for tile, table, anywhere in zip(tiles, self.tables, self.anywhere, strict=True):
             likely = table.log_likelihood(tile)
             if len(tiles) > 1:
@@ -107,11 +112,15 @@ class TileTables:
 
     def squared_residuals(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """``(C, N)`` squared deviations a feature of frames ``(N, d)``, each at its cell."""
-        both = zip(self.tables, self._tiles(features), strict=True)
+        both = zip(self.tables, np.split(features, len(self.tables), axis=-1), strict=True)
         return np.stack([table.squared_residual(tile, cells) for table, tile in both])
 
-    def _tiles(self, features: np.ndarray) -> list[np.ndarray]:
-        return np.split(features, len(self.tables), axis=-1)
+    def familiar_residual(self, scale: float) -> float:
+        """Squared residual of familiar frames, which is `scale` where every patch is counted: the
+        fewer are, the more of the noise comes of counting, and is as large on any floor.
+        """
+        share = float(np.mean([table.basis.counted for table in self.tables]))
+        return scale + share * max(0.0, COUNTED_RESIDUAL - scale)
 
 
 def better_half(residuals: np.ndarray) -> np.ndarray:

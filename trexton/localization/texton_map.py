@@ -73,9 +73,7 @@ class TextonMap:
     def alphabet(self) -> TextonDictionary:
         """The dictionary of a map that was trained on images; `MapError` where there is none."""
         if self.dictionary is None:
-            raise MapError(
-                "this map was trained on histograms and holds no textons: train on images"
-            )
+            raise MapError("the map was trained on histograms and holds no textons: use images")
         return self.dictionary
 
     @property

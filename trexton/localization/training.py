@@ -266,9 +266,7 @@ def full_histograms(
     """
     if dictionary is None or not flight.has_images:
         if flight.histograms is None:
-            raise MapError(
-                f"flight {flight.name!r} has no histograms: give a dictionary to count by"
-            )
+            raise MapError(f"flight {flight.name!r} has no histograms: give a dictionary")
         return flight.histograms
     counts = _counts(flight, dictionary, _PARTS if cells == 1 else cells)
     if cells == 1:

@@ -106,9 +106,7 @@ class Floor:
         width = number(width, "the floor's width", low=0.5, high=50)
         picture = read_picture(path)
         if picture is None:
-            raise ImageError(
-                f"{path}: not a readable picture: give a PNG or JPEG file of the floor"
-            )
+            raise ImageError(f"{path}: not a readable picture: give a PNG or JPEG of the floor")
         image, mask = picture
         scale = image.shape[1] / width
         length = number(

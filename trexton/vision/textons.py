@@ -182,9 +182,7 @@ class TextonDictionary:
             The flight has no images.
         """
         if method not in METHODS:
-            raise ParameterError(
-                f"method {method!r} is unknown: choose one of {', '.join(METHODS)}"
-            )
+            raise ParameterError(f"method {method!r} is unknown: choose {' or '.join(METHODS)}")
         rng = generator(rng)
         n_textons, images = whole(n_textons, "n_textons", 1, MAX_TEXTONS), whole(images, "images")
         if isinstance(source, np.ndarray):
@@ -221,11 +219,11 @@ def _learned(
         gains = _kohonen_gains(n_textons, len(flat))
     else:
         start = flat[rng.permutation(min(FIRST, len(flat)))[:n_textons]]
-        gains = _round_gains(np.r_[WINNER_RATE, np.zeros(n_textons - 1)][None])
+        gains = np.r_[WINNER_RATE, np.zeros(n_textons - 1)][None]
     textons = np.resize(start, (n_textons, flat.shape[1])).astype(np.float64)
     from trexton.vision.kernels import kohonen_steps  # numba takes a while to load
 
-    kohonen_steps(flat, textons, gains, GRAIN)
+    kohonen_steps(flat, textons, np.rint(gains * 2.0**16) / 2.0**16, GRAIN)
     rounded = np.rint(textons).astype(np.uint8).reshape(n_textons, *patches.shape[1:])
     return TextonDictionary(rounded)
 
@@ -235,11 +233,7 @@ def _kohonen_gains(n_textons: int, n_patches: int) -> np.ndarray:
     parts = min(n_patches, 1000)
     progress = np.arange(parts)[:, None] / parts
     rates, radii = (start * (end / start) ** progress for start, end in (RATE, radius))
-    return _round_gains(rates * np.exp(-np.square(np.arange(n_textons)) / (2 * radii**2)))
-
-
-def _round_gains(gains: np.ndarray) -> np.ndarray:
-    return np.rint(gains * 2.0**16) / 2.0**16
+    return rates * np.exp(-np.square(np.arange(n_textons)) / (2 * radii**2))
 
 
 def _check_patches(patches: np.ndarray, patch: int | None = None) -> np.ndarray:
