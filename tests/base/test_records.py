@@ -56,6 +56,37 @@ def test_damaged_and_newer_records_are_one_clear_error(tmp_path, text):
         Record.load(tmp_path / "e.json")
 
 
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        ({"experiment": ["e"]}, "its experiment is a list"),
+        ({"flight": None}, "its flight is a NoneType"),
+        ({"values": [1]}, "its values is a list"),
+    ],
+)
+def test_parts_of_a_record_of_another_kind_are_named(tmp_path, changes, found):
+    path = make_record(images={}).save(tmp_path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+    with pytest.raises(TrextonError, match=f"not a readable record \\({found}"):
+        Record.load(path)
+
+
+@pytest.mark.parametrize("piece", ["[],", '{"a": 1},', '"ab",', "1.5,"])
+def test_a_record_takes_little_more_memory_than_it_is_long(tmp_path, piece):
+    text = '{"schema": 2, "values": {"a": [' + piece * (2**24 // len(piece) - 50) + "0]}}"
+    (tmp_path / "e.json").write_text(text)
+    code = (
+        "import resource, sys\nfrom trexton.base.records import Record\n"
+        "try: Record.load(sys.argv[1])\nexcept Exception as error: print(error)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    command = [sys.executable, "-c", code, tmp_path / "e.json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    *said, most_kilobytes = done.stdout.split("\n")[:-1]
+    assert len(said) == 1 and "e.json: not a readable record (" in said[0]
+    assert int(most_kilobytes) < 500_000
+
+
 def with_picture(folder, data, times=1):
     """A record that names so many pictures, all of them one file."""
     path = make_record(images={}).save(folder)

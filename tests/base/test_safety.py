@@ -147,17 +147,27 @@ def test_no_command_writes_over_what_it_reads(words, tmp_path, monkeypatch, caps
     [
         ("train room -o taken", "taken: is a folder"),
         ("suitability floor.png --width 1 --out file/maps", "file is no folder"),
+        ("train room -o round", "round: its links lead round in a circle: give another name"),
+        ("train room -o round/map.npz", "map.npz: its links lead round"),
+        ("suitability floor.png --width 1 --out round", "round/floor.json: its links lead round"),
+        (
+            "suitability floor.png --width 1 --out round/maps",
+            "maps/floor.json: its links lead round",
+        ),
     ],
 )
 def test_what_cannot_be_written_is_said_before_the_work(words, told, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken").mkdir()
     (tmp_path / "file").touch()
+    (tmp_path / "round").symlink_to("again")
+    (tmp_path / "again").symlink_to("round")
     cv2.imwrite("floor.png", np.eye(60, dtype=np.uint8) * 255)
     assert main([*words.split(), "-q"]) == 1
     said = capsys.readouterr()
     assert told in said.err and not said.out
-    assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "floor.png", "taken"]
+    left = ["again", "file", "floor.png", "round", "taken"]
+    assert sorted(path.name for path in tmp_path.rglob("*")) == left
 
 
 def test_what_a_killed_run_left_goes_with_the_next(tmp_path):

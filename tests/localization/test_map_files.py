@@ -164,6 +164,15 @@ def test_a_map_of_a_method_that_is_gone_says_what_to_do():
         from_arrays(arrays)
 
 
+@pytest.mark.parametrize("yaw", [np.zeros(2), np.float64(np.inf), np.array("north")])
+def test_the_yaw_of_a_survey_is_one_number(yaw):
+    flight = histogram_flight("hall", frames=60)
+    arrays = to_arrays(train_map(flight, method="field", rng=np.random.default_rng(0)))
+    assert from_arrays(arrays | {"appearance.survey_yaw": np.array(np.nan)})  # it had no heading
+    with pytest.raises(MapError, match="the survey's yaw is .*: train the map again"):
+        from_arrays(arrays | {"appearance.survey_yaw": yaw})
+
+
 def test_a_field_takes_as_many_features_as_its_map_has():
     flight = histogram_flight("hall", frames=60)
     arrays = to_arrays(train_map(flight, method="field", rng=np.random.default_rng(0)))

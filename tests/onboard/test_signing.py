@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 
 import pytest
@@ -14,6 +15,7 @@ pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 from onboard_autopilot import AUTOPILOT_HEARTBEAT, Peer  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
+from trexton.base.errors import ParameterError  # noqa: E402
 from trexton.onboard.sinks import open_sink  # noqa: E402
 
 KEY, OTHER = bytes(range(32)), bytes(32)
@@ -101,6 +103,13 @@ def test_a_computer_whose_clock_was_never_set_signs_all_the_same(peer, tmp_path,
         assert all(message.get_signed() for message in peer.of("HEARTBEAT"))
     finally:
         sink.close()
+
+
+def test_a_pipe_is_no_key_and_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "key")
+    (one,) = mavlink_options(sign_key=str(tmp_path / "key")).values()
+    with pytest.raises(ParameterError, match="key: not a regular file: expected the key"):
+        one.key()
 
 
 def test_a_key_that_others_can_read_is_warned_of(tmp_path, capsys):

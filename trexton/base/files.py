@@ -31,7 +31,7 @@ def atomic_file(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[An
     It is deleted otherwise; an `OSError` of the disk names `path`. A link stays one: the file that
     it names is written.
     """
-    path = Path(os.path.realpath(path)) if Path(path).is_symlink() else Path(path)
+    path = _real(path) if Path(path).is_symlink() else Path(path)
     with naming(path):
         _check_regular(path)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -103,9 +103,9 @@ def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) 
     """Refuse to write over what is read, into a folder that is read, or over one that holds it, by
     a `ParameterError`.
     """
-    real = Path(os.path.realpath(path))
+    real = _real(path)
     for other in read:
-        there = Path(os.path.realpath(other))
+        there = _real(other)
         inside = real.is_relative_to(there) or there.is_relative_to(real)
         if inside and (real.exists() or Path(other).is_file()):
             raise ParameterError(
@@ -124,15 +124,24 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 
 def _check_regular(path: Path) -> None:
+    _real(path)
     if path.exists() and not path.is_file():
         raise ParameterError(f"{path}: is a folder, a device or a pipe: give the name of a file")
+
+
+def _real(path: str | os.PathLike[str]) -> Path:
+    """Where links lead; raises `ParameterError` where they never end."""
+    real = Path(os.path.realpath(path))
+    if any(each.is_symlink() for each in (real, *real.parents)):
+        raise ParameterError(f"{path}: its links lead round in a circle: give another name")
+    return real
 
 
 def check_replaceable(path: Path, replace: bool) -> None:
     """Refuse to write a folder over where one stands, a link, a file, or, unless `replace`, a
     folder that holds something, by a `TrextonError`.
     """
-    if path.resolve() in (Path.cwd(), *Path.cwd().parents):
+    if _real(path) in (Path.cwd(), *Path.cwd().parents):
         raise TrextonError(f"{path}: cannot replace the folder you stand in: name a new folder")
     if path.is_symlink():
         raise TrextonError(f"{path}: is a link: name the folder itself, or a new one")

@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -26,8 +27,10 @@ from trexton.base.errors import DataError, TrextonError
 from trexton.base.files import canonical_json, read_bytes, write_file
 
 SCHEMA = 2
-MOST_TEXT = 2**26  # bytes: the longest record of this library has a fiftieth
+MOST_TEXT = 2**24  # bytes: the longest record of this library has a twelfth
+MOST_LISTS = 2**18  # of lists and sections, which take far more memory than text
 SECTIONS = ("parameters", "values", "series", "timings", "provenance")
+KINDS: dict[str, type] = {"experiment": str, "flight": str, **dict.fromkeys(SECTIONS, dict)}
 _PACKAGES = ("trexton", "numpy", "scipy", "numba", "opencv-python-headless", "matplotlib", "pandas")
 
 
@@ -52,10 +55,8 @@ def software_versions() -> dict[str, str]:
     """Versions of Python and of the packages that results depend on."""
     versions = {"python": platform.python_version()}
     for name in _PACKAGES:
-        try:
+        with suppress(PackageNotFoundError):
             versions[name] = version(name)
-        except PackageNotFoundError:
-            continue
     return versions
 
 
@@ -125,13 +126,16 @@ class Record:
 
         path, room = Path(path), MOST_BYTES
         try:
-            content = json.loads(read_bytes(path, MOST_TEXT, "a record", DataError))
-            if content["schema"] != SCHEMA:
-                advice = "update trexton" if content["schema"] > SCHEMA else "run it again"
-                problem = f"record schema {content['schema']}"
-                raise TrextonError(f"{path}: {problem}, expected {SCHEMA}: {advice}")
-            if not all(isinstance(content.get(key, {}), dict) for key in SECTIONS):
-                raise ValueError("a section is none")
+            text = read_bytes(path, MOST_TEXT, "a record", DataError)
+            if text.count(b"[") + text.count(b"{") > MOST_LISTS:
+                raise ValueError(f"it holds more than {MOST_LISTS:,} lists")
+            content = json.loads(text)
+            if (schema := content["schema"]) != SCHEMA:
+                advice = "update trexton" if schema > SCHEMA else "run it again"
+                raise TrextonError(f"{path}: record schema {schema}, expected {SCHEMA}: {advice}")
+            for key, kind in KINDS.items():
+                if not isinstance(found := content.get(key, kind()), kind):
+                    raise ValueError(f"its {key} is a {type(found).__name__}")
             pictures = content.pop("images")
             record = cls(**content)
             for name, entry in pictures.items():

@@ -5,6 +5,7 @@ from typing import Self
 
 import numpy as np
 
+from trexton.base.errors import MapError
 from trexton.field.appearance_filter import AppearanceFilter
 from trexton.field.field import Field
 from trexton.localization.base import Part, learned
@@ -37,11 +38,15 @@ class Tracked(Appearance):
         """Learn the heading of the survey, from which a yaw in flight is counted."""
         flight, yaw = training.flight, np.nan
         if flight is not None and flight.attitude is not None:
-            east, north = np.nanmean(
-                [np.cos(flight.attitude[:, 2]), np.sin(flight.attitude[:, 2])], 1
-            )
+            turned = flight.attitude[:, 2]
+            east, north = np.nanmean([np.cos(turned), np.sin(turned)], 1)
             yaw = float(np.arctan2(north, east)) if np.hypot(east, north) > HELD else np.nan
         return self.with_learned(survey_yaw=np.array(yaw))
+
+    def prepare(self) -> None:
+        yaw = self.survey_yaw
+        if yaw.shape or yaw.dtype.kind != "f" or np.isinf(yaw):
+            raise MapError(f"the survey's yaw is {yaw.dtype} of {yaw.shape}: train the map again")
 
     def open(self, texton_map: TextonMap, rng: np.random.Generator) -> AppearanceFilter | None:
         if texton_map.dictionary is None:

@@ -112,22 +112,17 @@ class RunningVisual:
         if not 0 < now - self._time <= MAX_INTERVAL_S:
             self._odometry.reset()
         self._time = now
-        motion = self._shift(frame, given, now)
-        if motion is None or motion[1] < self._part.sure:
-            return aiding
-        with_attitude, without = self._part.sigma.tolist()
-        sigma = without if given.roll is None or given.pitch is None else with_attitude
-        return replace(given, velocity=motion[0], velocity_time=now, velocity_sigma=sigma)
-
-    def _shift(
-        self, frame: np.ndarray, given: Aiding, now: float
-    ) -> tuple[np.ndarray, float] | None:
         height = _known_or(given.height, self._height)
         roll, pitch, yaw = (_known_or(each, 0.0) for each in (given.roll, given.pitch, given.yaw))
         steep = max(abs(roll), abs(pitch)) > STEEPEST
         if steep or not 1 / FARTHEST < height / self._height < FARTHEST:
             height, roll, pitch = self._height, 0.0, 0.0
-        return self._odometry.step(frame, now, height=height, attitude=[roll, pitch, yaw])
+        motion = self._odometry.step(frame, now, height=height, attitude=[roll, pitch, yaw])
+        if motion is None or motion[1] < self._part.sure:
+            return aiding
+        with_attitude, without = self._part.sigma.tolist()
+        sigma = without if given.roll is None or given.pitch is None else with_attitude
+        return replace(given, velocity=motion[0], velocity_time=now, velocity_sigma=sigma)
 
 
 def _known_or(value: float | None, usual: float) -> float:

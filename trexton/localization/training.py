@@ -88,8 +88,7 @@ def train_map(
     }
     parts = compose(method, choices)
     place = _positions(flight, positions)
-    located = np.isfinite(place).all(axis=1)
-    trained = flight.select(located)
+    trained = flight.select(located := np.isfinite(place).all(axis=1))
     untrained = _without_parts(flight, trained, place[located], dictionary, parameters, rng)
     train = with_parts if cells is not None else _with_parts_or_whole
     return train(untrained, parts, flight=trained, rng=rng)
@@ -106,7 +105,12 @@ def _without_parts(
     """The training set of a map, and where it comes from, before any part has learned from it."""
     shape, rectified, cells = None, None, parameters["cells"]
     if flight.has_images:
-        shape, rectified = _shape(trained), flight.rectification
+        shape, rectified = trained.image(0).shape[:2], flight.rectification
+        if rectified and rectified.size[::-1] != shape:
+            raise MapError(
+                f"flight {flight.name!r} has images of {shape[1]}x{shape[0]} pixels, its "
+                f"[rectification] makes {rectified.size[0]}x{rectified.size[1]}: import it again"
+            )
         size = parameters["n_textons"], parameters["patch"]
         dictionary = dictionary or TextonDictionary.learn(flight, *size, rng=rng)
     elif cells > 1:
@@ -156,17 +160,6 @@ def _positions(flight: Flight, given: np.ndarray | None) -> np.ndarray:
             "area_m: correct them, or area_m"
         )
     return place
-
-
-def _shape(flight: Flight) -> tuple[int, int]:
-    """Height and width of the flight's images, which are those that its lens was taken out of."""
-    shape, rectified = flight.image(0).shape[:2], flight.rectification
-    if rectified and rectified.size[::-1] != shape:
-        raise MapError(
-            f"flight {flight.name!r} has images of {shape[1]}x{shape[0]} pixels, its "
-            f"[rectification] makes {rectified.size[0]}x{rectified.size[1]}: import it again"
-        )
-    return shape
 
 
 def with_parts(

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from trexton.base.defaults import SAMPLES
 from trexton.base.errors import ParameterError
+from trexton.base.files import read_bytes
 from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.base.streams import MOST_SEED
@@ -189,12 +190,9 @@ class MavlinkOptions(Options):
         if self.sign_key is None:
             return None
         path = Path(self.sign_key)
-        try:
-            key = path.read_bytes()
-            if path.stat().st_mode & 0o077:
-                say(f"{path}: others can read or write this key: chmod 600 {path}")
-        except OSError as error:
-            raise ParameterError(f"{path}: the key cannot be read ({error.strerror})") from None
+        key = read_bytes(path, KEY_BYTES, "the key to sign with", ParameterError)
+        if path.stat().st_mode & 0o077:
+            say(f"{path}: others can read or write this key: chmod 600 {path}")
         if len(key) != KEY_BYTES:
             raise ParameterError(f"{path}: {len(key)} bytes: a key has {KEY_BYTES}")
         return key

@@ -62,10 +62,6 @@ class Shot:
     time_ns: int = 0
     zoned: bool = False
 
-    @property
-    def located(self) -> bool:
-        return bool(np.isfinite([self.latitude, self.longitude]).all())
-
 
 def read_shot(path: Path) -> Shot:
     """What EXIF and XMP tell; where they tell no place, the time alone."""

@@ -109,7 +109,8 @@ def _located(
     """The photographs with a place, in the order in which they were taken, one of each shutter, and
     how many are without.
     """
-    placed = [file for file in files if file in shots and shots[file].located]
+    places = {file: (shot.latitude, shot.longitude) for file, shot in shots.items()}
+    placed = [file for file in files if np.isfinite(places.get(file, np.nan)).all()]
     dated = [file for file in placed if table or shots[file].time_ns]
     said = _left_out(len(files) - len(placed))
     if placed and not dated:
@@ -117,7 +118,6 @@ def _located(
     elif undated := len(placed) - len(dated):
         said.append(f"photographs without a time that can be read, left out: {undated}")
         placed = dated
-    places = {file: (shots[file].latitude, shots[file].longitude) for file in placed}
     fixed = [file for file in placed if np.abs(places[file]).max() > 1e-6]
     if unfixed := len(placed) - len(fixed):
         said.append(f"photographs without a fix, at 0, 0, left out: {unfixed}")
