@@ -22,13 +22,13 @@ from trexton.vision.correction import HEADING, HEIGHT, STATES, FrameMotion, affi
 TRIALS, PATCHES = 16, 300  # states tried about the last one, and on how many patches of a frame
 PRIOR_SIGMA = np.array([0.25, 0.04, 0.04, 0.0, 0.1])  # about the survey; of any heading
 START_SIGMA = np.array([0.08, 0.02, 0.02, 0.1, 0.04])  # about a state that was just chosen
-FOLLOW_SIGMA = np.array([0.03, 0.01, 0.01, 0.03, 0.02])  # at most, while it is followed
-MIN_SIGMA = np.array([0.006, 0.002, 0.002, 0.004, 0.004])  # what the patches of a frame resolve
-WALK = np.array([0.006, 0.002, 0.002, 0.003, 0.004])  # a frame; of the heading beyond what is seen
+FOLLOW_SIGMA = np.array([0.03, 0.01, 0.01, 0.01, 0.02])  # at most, while it is followed
+MIN_SIGMA = np.array([0.006, 0.002, 0.002, 0.001, 0.004])  # what the patches of a frame resolve
+WALK = np.array([0.006, 0.002, 0.002, 0.0005, 0.004])  # a frame; a heading is seen to turn
 TURN_SHARE = 0.1  # of a turn, by which that is seen too small or too large
 GROUPS = np.array([[1, 1, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1]], dtype=bool)
-GATE = np.array([20.0, 0.0, 30.0])  # log Bayes factors against the survey's, from which on each
-# group is taken out: a turn that is seen needs no other witness
+GATE = np.array([20.0, 10.0, 30.0])  # log Bayes factors against the survey's, from which on each
+# group is taken out
 CHOSEN_FACTOR = 40.0  # of a state that was just chosen
 FACTOR_LIMITS = (-6.0, 120.0)
 GATE_MEMORY = 0.92  # of that factor, an update
@@ -213,9 +213,8 @@ class AppearanceFilter:
         states[:, active] += WIDENED * self._proposals[:, active] @ root.T
         without = np.where(GROUPS, 0, self.mean)
         evidence, residuals = self._evidence(frame, np.vstack([states, without]), self.levels)
-        gained = evidence[0] - evidence[len(states) :]
-        self._factors = np.clip(GATE_MEMORY * self._factors + gained, *FACTOR_LIMITS)
-        evidence, residuals = evidence[: len(states)], residuals[: len(states)]
+        evidence, others = np.split(evidence, [len(states)])
+        self._factors = np.clip(GATE_MEMORY * self._factors + evidence[0] - others, *FACTOR_LIMITS)
         tiles = residuals[evidence.argmax()]
         if len(tiles) > 1 and tiles.max() > TILE_MISFIT:
             self._set_levels(frame)
@@ -234,6 +233,8 @@ class AppearanceFilter:
         """Take the moments of `states` ``(S, 5)``, weighted by their log evidence ``(S,)``."""
         squared = np.square(self._proposals[:, self._active]).sum(axis=1)
         log_weights = EVIDENCE_SHARE * evidence - 0.5 * (WIDENED**2 - 1) * squared
+        light = states[:, :HEADING] / PRIOR_SIGMA[:HEADING]  # without, it drifts with the floor
+        log_weights -= 0.5 * np.square(light).sum(axis=1)
         weights = np.exp(log_weights - log_weights.max())
         weights /= weights.sum()
         self.mean = weights @ states
