@@ -298,7 +298,7 @@ def test_an_interrupted_import_leaves_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setattr(ImageFiles, "__getitem__", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        import_flight(source, tmp_path / "out")
+        import_flight(source, tmp_path / "out", settings={"scale": 0.5})
     assert list(tmp_path.iterdir()) == [source]
 
 

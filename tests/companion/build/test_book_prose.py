@@ -190,6 +190,9 @@ def test_a_notebook_of_one_flight_says_which_and_stands_where_prose_has_its_plac
     assert texts[at + 2] == f'<p class="flight-name">{flight_title("sim-survey")}</p>'
     assert not any("flight-name" in text for text in texts[:at])
     assert flight_title("my-flight") == "my-flight"
+    one["timing"]["sim-survey"].metadata["data"] = "Walks (real)"  # in the flight's place
+    page = joined(one, lambda name, words: words)
+    assert '<p class="flight-name">Walks (real)</p>' in [cell.source for cell in page.cells]
 
 
 def test_figures_have_names_where_they_were_drawn():

@@ -20,7 +20,6 @@ _LINK = re.compile(r"\[(?P<words>[^\]]*)\]\((?:#(?P<here>\w+)|(?P<page>\w+)\.ipy
 _HEADING = re.compile(r"^```.*?^```|^#", re.M | re.S)  # outside of what is quoted
 _TABLE = re.compile(r'(?<=<table)([^>]*) id="(\w+)"')
 _PLAYER = re.compile(r'(?<=src=")(?=\w+-player\.html")')
-_OTHER_DATA = {"senses": "Walks with a radio beacon (real)"}  # than the flight of the record
 
 
 def label_of(experiment: str) -> str:
@@ -99,7 +98,8 @@ class _Page:
                 for number, cell in enumerate(next(iter(shown.values())), start=at):
                     self._append(cell, "" if number else experiment, below)
                     if not number and len(flights) == 1 and "" not in flights:
-                        self.say(_named(_OTHER_DATA.get(experiment, next(iter(flights)))))
+                        ((flight, notebook),) = flights.items()
+                        self.say(_named(notebook.metadata.get("data", flight)))
             else:
                 self._beside(shown, tabs=kind == "shown")
             at = end

@@ -67,12 +67,11 @@ def write_images(
     for row in progress(range(len(frames)), "images", len(frames)):
         own = frames.files[row] if isinstance(frames, ImageFiles) else Path()
         kept = not rectification.changes and own.suffix.lower() in (".jpg", ".jpeg", ".png")
-        image = frames[row]  # also of what is kept: it may be cut short
         file = folder / f"{row:06d}{own.suffix.lower() if kept else '.jpg'}"
         if kept:
             file.write_bytes(own.read_bytes())
         else:  # black stays black where a lens is undistorted
-            image = rectification.apply(bgr_from_yuv(image), border=(0, 0, 0))
+            image = rectification.apply(bgr_from_yuv(frames[row]), border=(0, 0, 0))
             quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
             file.write_bytes(cv2.imencode(".jpg", image, quality)[1].tobytes())
         files.append(file)
