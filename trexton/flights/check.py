@@ -176,7 +176,7 @@ def repair_flight(
     reading = load_folder(Path(path), done)
     if reading.flight is None:
         raise FlightError(reading.faults[0])
-    flight, (_, unusable, frozen, *_) = reading.flight, _images(reading)
+    flight, (_, unusable, frozen, _, first) = reading.flight, _images(reading)
     if left_out := {*unusable, *frozen}:
         if len(left_out) == len(flight):
             raise FlightError(f"{path}/{next(iter(unusable.values()))}")
@@ -186,8 +186,9 @@ def repair_flight(
                 named = f"frames.csv, row {ranges(np.array(sorted(rows)))}"
                 done.append(f"{count_of(len(rows), 'frame')} left out whose image {why} ({named})")
         flight = flight.select(np.array([row not in left_out for row, _ in reading.image_files]))
+        first = []  # other rows than now
     for rounds in range(MOST_ROUNDS + 1):
-        doubts = plausibility.warnings(flight)
+        doubts = plausibility.warnings(flight, first)
         doubt = next((each for each in doubts if each.mend), None)
         if doubt is None or doubt.mend is None or rounds == MOST_ROUNDS:
             break
