@@ -26,11 +26,11 @@ def flight_title(name: str) -> str:
 
 
 def number(value: float | None) -> str:
-    """Two or three digits that count, thousands apart."""
+    """Two or three digits that count, thousands apart; whole numbers, which count, as they are."""
     if value is None:
         return UNKNOWN
     if abs(value) >= 100:
-        return f"{value:,.0f}"
+        return f"{value if isinstance(value, int) else float(f'{value:.3g}'):,.0f}"
     return f"{value:.3g}" if abs(value) >= 1 else f"{value:.2g}"
 
 

@@ -14,7 +14,7 @@ from trexton.base.errors import DataError
 from trexton.companion.build.charts import inline_figure, is_figure, with_phone
 from trexton.companion.build.mathematics import mathml
 from trexton.companion.build.postprocessing import finish_page
-from trexton.companion.experiments.figure_files import for_phones, to_png, to_svg
+from trexton.companion.experiments.figure_files import for_phones, layer, to_png, to_svg
 from trexton.companion.experiments.style import COLORS, canvas
 
 
@@ -60,6 +60,30 @@ def test_a_figure_in_a_page_follows_its_theme_and_names_nothing_twice(figure):
         axes[0, 0].plot([1, 2])
     drawn = inline_figure(to_svg(small).decode(), "f1", "")
     assert 'svg class="chart narrow"' in drawn and "xlink:href" not in drawn
+
+
+def test_layers_are_hidden_in_every_file_and_a_page_chooses_one(tmp_path):
+    with canvas(1, 2, size=(6, 3)) as (figure, axes):
+        for step in range(3):
+            with layer(figure, step, shown=step == 1):
+                axes[0, 0].imshow(np.full((2, 2), step))
+                axes[0, 1].plot([0, step], [0, 1], label="line")
+    alone, svg = to_png(figure), to_svg(figure).decode()
+    assert alone == to_png(figure)  # what was hidden for it is there again
+    hidden = re.findall(r'display="none" id="step-(\d)-', svg)
+    assert sorted(hidden) == ["0", "0", "2", "2"] and len(re.findall('id="step-1-', svg)) == 2
+    (tmp_path / "_images").mkdir()
+    (tmp_path / "_images" / "a.svg").write_text(with_phone(svg, for_phones(figure)))
+    (tmp_path / "page.html").write_text(
+        '<head></head><article><figure><img src="_images/a.svg" alt="a"><figcaption>A.</figcaption>'
+        "</figure></article>"
+    )
+    text = finish_page(tmp_path / "page.html")
+    choices = re.findall(r"<input[^>]*>", text)
+    assert ["checked" in choice for choice in choices] == [False, True, False]
+    assert len({re.search('name="[^"]+"', choice)[0] for choice in choices}) == 1
+    for step in range(3):  # on the desk and on the phone
+        assert len(re.findall(rf'id="f1p?-step-{step}-', text)) == 4
 
 
 def test_a_wide_figure_is_laid_out_anew_for_phones_and_both_are_in_the_page(figure):

@@ -97,6 +97,25 @@ def test_a_chart_enlarges_and_closes(open_page, book):
     page.wait_for_selector("dialog.enlarged", state="detached")
 
 
+@pytest.mark.parametrize("scripts", [False, True])
+def test_a_figure_steps_through_its_frames_and_prints_the_still(open_page, book, scripts):
+    page, _ = open_page(first_page(book, "field.html"), scripts=scripts)
+    figure = page.locator("figure:has(fieldset.steps):visible").first
+    seen = """figure => [...new Set([...figure.querySelectorAll('[id*="-step-"]')]
+        .filter(each => getComputedStyle(each).display !== 'none')
+        .map(each => each.id.match(/-step-(\\d+)-/)[1]))]"""
+    still = figure.locator("input:checked").get_attribute("value")
+    assert figure.evaluate(seen) == [still]
+    figure.locator("label").nth(1).click()
+    assert figure.evaluate(seen) == ["1"]
+    if scripts:
+        figure.locator("button:has-text('Play')").click()
+        assert figure.evaluate(seen) == ["2"]
+        figure.locator("button:has-text('Stop')").click()
+    page.emulate_media(media="print")
+    assert figure.evaluate(seen) == [still] and not figure.locator("fieldset").is_visible()
+
+
 def test_tabs_show_one_flight_without_scripts_and_the_one_chosen_everywhere_with(open_page, book):
     name = first_page(book, "mocap_training.html")
     page, _ = open_page(name, scripts=False)

@@ -111,7 +111,7 @@ def test_lengths_of_a_large_flight_are_in_metres(page):
     near = re.findall(
         "<td>(.*?)</td>", page.quantities({**rows, "k (cm)": "knn.median_cm"}, "").data
     )
-    assert near[0] == "Filter (cm)" and near[1].startswith("5,619")
+    assert near[0] == "Filter (cm)" and near[1].startswith("5,620")
 
 
 def test_errors_stand_beside_the_papers_with_their_intervals(page):

@@ -19,7 +19,7 @@ from trexton.companion.claims.ledger import (
     write_ledger,
 )
 from trexton.companion.claims.page import claims_html, counts_html, filters_html
-from trexton.companion.claims.rules import VERDICTS
+from trexton.companion.claims.rules import VERDICTS, Quantity
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.registry import EXPERIMENTS
 
@@ -227,6 +227,14 @@ def test_the_tables_keep_their_columns_apart_and_offer_filters():
     assert "CyberZoo flight (real, unit in doubt)" in counts_html(rows)
     assert '<th scope="row"><span class="verdict reproduced">' in counts_html(rows)
     assert "2 of 2 claims" in filters_html(rows) and "hidden>" in filters_html(rows)
+
+
+def test_other_data_than_the_flight_stand_at_their_value():
+    walks = claim("below", bound=10, measure="the slope", data="Walks")
+    both = [walks, claim("value", printed=61, measure="the error")]
+    rows = [(each, [Finding("cyberzoo", REPRODUCED, Quantity(8, 5, 9))]) for each in both]
+    ledger, page = claims_html(rows), claims_html(rows[:1])
+    assert ledger.count("Walks") == 1 and page.count("Walks") == 2
 
 
 def test_the_ledger_is_written_from_records(tmp_path):

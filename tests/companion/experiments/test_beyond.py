@@ -1,7 +1,11 @@
 """Beyond the paper: the record agrees with itself, its figures with the record."""
 
+import re
+
 import numpy as np
 import pytest
+from matplotlib.image import AxesImage
+from matplotlib.text import Text
 from small_room import histogram_flight, picture_flight
 
 from trexton.companion.experiments import beyond
@@ -72,17 +76,26 @@ def test_the_figures_show_the_record(record):
 
 
 def test_one_frame_is_drawn_as_the_field_saw_it(record):
-    seen = record.series["frame"]
-    assert np.max(seen["likelihood"]) == 1 and seen["number"] >= 25
-    assert np.hypot(*np.subtract(seen["estimate_m"], seen["truth_m"])) < 0.3
-    for name in ("before", "after"):
-        assert 0.9 < sum(each["weight"] for each in seen[name]) <= 1 + 1e-9
-    histogram, likely, before, after = beyond.one_frame(record).axes
-    np.testing.assert_allclose(
-        [bar.get_height() for bar in histogram.patches], 100 * np.array(seen["histogram"])
-    )
-    np.testing.assert_array_equal(likely.images[0].get_array(), seen["likelihood"])
-    assert len(before.texts) == len(seen["before"]) and len(after.texts) == len(seen["after"])
+    frames, still = record.series["frames"], record.series["still"]
+    assert np.max(frames[still]["likelihood"]) == 1 and frames[still]["number"] >= 25
+    numbers = [seen["number"] for seen in frames]
+    assert 1 < len(numbers) <= 8 and set(np.diff(numbers)) == {beyond.APART}
+    assert np.hypot(*np.subtract(frames[still]["estimate_m"], frames[still]["truth_m"])) < 0.3
+    figure = beyond.one_frame(record)
+    for step, seen in enumerate(frames):
+        for name in ("before", "after"):
+            assert 0.9 < sum(each["weight"] for each in seen[name]) <= 1 + 1e-9
+        layer = re.compile(f"step-{step}-[0-9]+" + ("$" if step == still else "-hidden"))
+        histogram, likely, before, after = (
+            [each for each in axes.get_children() if layer.match(str(each.get_gid()))]
+            for axes in figure.axes
+        )
+        (steps,) = histogram
+        np.testing.assert_allclose(steps.get_data().values, 100 * np.array(seen["histogram"]))
+        (picture,) = (each for each in likely if isinstance(each, AxesImage))
+        np.testing.assert_array_equal(picture.get_array(), seen["likelihood"])
+        for drawn, name in ((before, "before"), (after, "after")):
+            assert sum(isinstance(each, Text) for each in drawn) == len(seen[name])
 
 
 def test_parts_of_the_image_are_flown_where_there_are_images(tmp_path):

@@ -66,6 +66,18 @@
       figure.setAttribute("aria-label", "Chart");
       make("button", { type: "button", className: "enlarge", textContent: "Enlarge", onclick: () => enlarge(figure, svg) }, figure);
     });
+    /* Frames of a figure are chosen without a script; with one they also play. */
+    document.querySelectorAll("fieldset.steps").forEach((steps) => {
+      const inputs = [...steps.querySelectorAll("input")];
+      let timer = 0;
+      const stop = () => { clearInterval(timer); timer = 0; button.textContent = "Play"; };
+      const next = () => { inputs[(inputs.findIndex((each) => each.checked) + 1) % inputs.length].checked = true; };
+      const button = make("button", { type: "button", textContent: "Play", onclick: () => {
+        if (timer) { stop(); return; }
+        next(); timer = setInterval(next, 900); button.textContent = "Stop";
+      } }, steps);
+      steps.addEventListener("change", stop);
+    });
     /* The flight that is chosen once is shown everywhere. */
     document.querySelectorAll(".flights > input").forEach((input) => input.addEventListener("change", () => {
       const top = input.getBoundingClientRect().top;

@@ -33,6 +33,7 @@ from trexton.companion.wording import (
     flight_title,
     interval,
     middle,
+    number,
     template_environment,
 )
 
@@ -183,7 +184,8 @@ class Page:
                 words = path.name.removeprefix(f"{self.record.experiment}-")
                 kept[words] = f"{self.record.flight}/{path.name}"
         files = [f'<a href="{file}" download="">{words}</a>' for words, file in kept.items()]
-        settings = ", ".join(f"{key} = {value}" for key, value in self.record.parameters.items())
+        chosen = self.record.parameters.items()
+        settings = ", ".join(f"{key} = {value}" for key, value in chosen if value is not None)
         return HTML(
             f"<details class='again'><summary>Run it again: command, parameters, files</summary>"
             f'<pre class="command">{self.command()}</pre><p>Parameters: {settings}.</p>'
@@ -218,7 +220,7 @@ def _interval(entry: dict[str, Any] | float | None, scale: float = 1.0) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+    return "" if value is None else number(value) if abs(value) >= 100 else f"{value:.3g}"
 
 
 def ledger(out: str) -> tuple[HTML, HTML]:

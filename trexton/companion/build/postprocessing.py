@@ -16,6 +16,8 @@ from trexton.companion.build.charts import inline_figure, is_figure
 _UNWANTED = re.compile(r"fontawesome|sphinx-thebe|mathjax|THEBE|MathJax")
 _SENTENCE = 8  # words
 _COLUMNS = 6  # of numbers, that a phone may scroll
+_STEP = re.compile(r'id="step-(\d+)-')  # of a figure's layers
+_STILL = re.compile(r'id="step-(\d+)-\d+"')
 _TOGETHER = re.compile(r"(?<=\d,) (?=-?[\d.,]+\])|(?<=[\d\]]) (?=%|(?:[ckm]?m|[mu]?s|Hz|[kMG]B)\b)")
 # What the theme leaves without: names of buttons, and what a keyboard or a reader must know.
 _ATTRIBUTES = (
@@ -96,6 +98,21 @@ def _figures(article: Tag, path: Path) -> None:
         if is_figure(text):
             drawn = BeautifulSoup(inline_figure(text, f"f{count}", alt), "html.parser")
             (image.find_parent("a", class_="image-reference") or image).replace_with(drawn)
+            if figure is not None and (steps := sorted({*map(int, _STEP.findall(text))})):
+                still = int(_STILL.findall(text)[0])
+                caption = figure.find("figcaption") or figure
+                caption.insert_before(_stepper(f"f{count}-step", steps, still))
+
+
+def _stepper(group: str, steps: list[int], still: int) -> BeautifulSoup:
+    """A choice among the steps of a figure, of which CSS shows the one that is chosen."""
+    choices = "".join(
+        f'<label><input type="radio" name="{group}" value="{step}"'
+        f"{' checked' if step == still else ''}><span>{step + 1}</span></label>"
+        for step in steps
+    )
+    text = f'<fieldset class="steps"><legend>Frame</legend>{choices}</fieldset>'
+    return BeautifulSoup(text, "html.parser")
 
 
 def _tables(article: Tag) -> None:

@@ -42,6 +42,7 @@ class Claim(Options):
     greater: str | None = option(None, "and what is greater")
     needs: str = option("", "what a flight must have for the test; where it lacks that, the reason")
     by_construction: str = option("", "why it holds whatever was measured, where it does")
+    data: str = option("", "the title of the data that its experiment has in the flight's place")
     reason: str = option("", "why it cannot be tested here, where it cannot")
     label: str = option("", "what its number is, where its name does not say it")
 

@@ -44,7 +44,9 @@ def _flights(rows: Rows) -> list[str]:
 
 def claims_html(rows: Rows, caption: str = "") -> str:
     """Claims in three columns that never mix: said, printed, tested; then each flight's verdict."""
-    return _html("claims", rows, _flights(rows), caption)
+    flights, data = _flights(rows), {claim.data for claim, _ in rows}
+    heads = [*data] * len(flights) if len(data) == 1 and all(data) else flights
+    return _html("claims", rows, heads, caption)
 
 
 def counts_html(rows: Rows, caption: str = "") -> str:

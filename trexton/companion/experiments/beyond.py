@@ -25,6 +25,7 @@ from trexton.companion.experiments.evaluation import (
     lag,
     map_of,
 )
+from trexton.companion.experiments.figure_files import PHONE_WIDTH, layer
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, label_ends
 from trexton.companion.experiments.track import HELD, Track, tracks
@@ -41,6 +42,7 @@ WIDE_M = 0.25  # process noise and rank widths of the ablations
 SETTLED = 25  # frames, two seconds, before one is chosen to be drawn
 RIGHT_M = 0.3  # an error that still counts as right
 FEWEST = 0.01  # weight of a hypothesis that is drawn
+STEPS, APART = range(-4, 4), 4  # frames that the figure steps through, so many apart
 
 
 @dataclass(frozen=True)
@@ -111,8 +113,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
         for name, runs in flights.items()
     }
-    frame = _ambiguous(changed["field"], test, frames, parameters)
-    series = {"errors_cm": errors_cm, "frame": frame, "area_m": changed["field"].area}
+    stepped, still = _ambiguous(changed["field"], test, frames, parameters)
+    series: dict[str, Any] = {"errors_cm": errors_cm, "area_m": changed["field"].area}
+    series |= {"frames": stepped, "still": still}
     return parameters.record(train, test, values=values, series=series, timings=timings)
 
 
@@ -146,22 +149,24 @@ def _protocol() -> dict[str, Any]:
 
 def _ambiguous(
     texton_map: TextonMap, test: Flight, frames: Sequence[np.ndarray], parameters: Parameters
-) -> dict[str, Any]:
+) -> tuple[list[dict[str, Any]], int]:
     """The frame whose likelihood is spread widest among those that end up at the right place.
 
     Returns
     -------
-    dict
-        Its ``number``, ``histogram``, ``truth_m`` and ``estimate_m``; its ``likelihood`` over the
-        floor, the largest 1, row 0 at the smallest y; hypotheses ``before`` and ``after`` it, each
-        with ``weight``, ``mean_m`` and ``covariance_m2``.
+    frames : list of dict
+        It and some around it: ``number``, ``histogram``, ``truth_m`` and ``estimate_m``; the
+        ``likelihood`` over the floor, the largest 1, row 0 at the smallest y; hypotheses ``before``
+        and ``after``, each with ``weight``, ``mean_m`` and ``covariance_m2``.
+    still : int
+        Which of them it is.
     """
     rng = stream(parameters.seed, "flight", 0)  # the run that is quoted
     localizer = Localizer(texton_map, samples=parameters.samples, rng=rng)
     tracks, field = localizer.filter, localizer.parts["measurement"]
     assert isinstance(tracks, TrackFilter) and isinstance(field, Field)
-    chosen: dict[str, Any] = {}
-    widest = -1.0
+    seen: list[dict[str, Any]] = []
+    chosen, widest = 0, -1.0
     for number, (frame, truth) in enumerate(zip(frames, test.position, strict=True)):
         before, observation = _drawn(tracks.hypotheses), localizer.observation(frame)
         estimate = localizer.advance(observation)
@@ -170,18 +175,21 @@ def _ambiguous(
         mean = share @ field.centers / share.sum()
         width = float(share @ np.square(field.centers - mean).sum(axis=1) / share.sum())
         right = number >= SETTLED and np.hypot(*(estimate.position - truth)) < RIGHT_M
-        if not chosen or (right and width > widest):
-            widest = width if right else -1.0
-            chosen = {
+        if right and width > widest:
+            chosen, widest = number, width
+        seen.append(
+            {
                 "number": number,
                 "histogram": observation.histogram,
-                "likelihood": share.reshape(field.shape).T.round(4),
+                "likelihood": share.reshape(field.shape).T.round(3),
                 "before": before,
                 "after": _drawn(tracks.hypotheses),
                 "truth_m": truth,
                 "estimate_m": estimate.position,
             }
-    return chosen
+        )
+    rows = [row for step in STEPS if 0 <= (row := chosen + APART * step) < len(seen)]
+    return [seen[row] for row in rows], rows.index(chosen)
 
 
 def _drawn(hypotheses: Hypotheses) -> list[dict[str, Any]]:
@@ -230,51 +238,57 @@ def errors(record: Record) -> Figure:
 
 
 def one_frame(record: Record) -> Figure:
-    """The histogram; its likelihood over the floor; hypotheses before and after the frame."""
-    seen, area = record.series["frame"], record.series["area_m"]
-    with canvas(2, 2, size=(6.4, 6.2)) as (figure, axes):
+    """The histogram; its likelihood over the floor; hypotheses before and after the frame.
+
+    Frames around it are drawn too, hidden: a page steps through them.
+    """
+    still, area = record.series["still"], record.series["area_m"]
+    with canvas(2, 2, size=(PHONE_WIDTH, 4.4)) as (figure, axes):  # no other for phones
         counts, likely, before, after = axes.flat
-        histogram = np.array(seen["histogram"])
-        counts.bar(np.arange(len(histogram)), 100 * histogram, color=COLORS["zone"], label="share")
-        counts.set(title="1. The histogram", xlabel="texton", ylabel="share of the patches (%)")
-        shares = np.array(seen["likelihood"])
-        picture = likely.imshow(shares, extent=area, origin="lower", cmap="Blues", vmax=1.6)
-        # What is unlikely shows the page, light or dark.
-        picture.set(alpha=np.sqrt(shares), label="likelihood")
-        ring: dict[str, Any] = {"fillstyle": "none", "markersize": 11, "markeredgewidth": 2}
+        counts.set(title="1. Histogram", xlabel="texton", ylabel="patches (%)")
         for plot, title in (
-            (likely, "2. Its likelihood"),
-            (before, "3. Hypotheses before"),
-            (after, "4. Hypotheses after"),
+            (likely, "2. Likelihood"),
+            (before, "3. Before"),
+            (after, "4. After"),
         ):
             floor_axes(plot, area)
-            plot.plot(*seen["truth_m"], "o", color=COLORS["truth"], label="truth", **ring)
             plot.set_title(title)
-        for plot, name in ((before, "before"), (after, "after")):
-            for each in seen[name]:
-                _ellipse(plot, each)
-        after.plot(*seen["estimate_m"], "o", color=COLORS["field"], markersize=4, label="estimate")
+        for step, seen in enumerate(record.series["frames"]):
+            with layer(figure, step, shown=step == still):
+                _draw_frame(list(axes.flat), seen, area)
     return figure
+
+
+def _draw_frame(axes: list[Axes], seen: dict[str, Any], area: Any) -> None:
+    """What changes from frame to frame in the four panels."""
+    counts, likely, before, after = axes
+    histogram, shares = np.array(seen["histogram"]), np.array(seen["likelihood"])
+    edges = np.arange(len(histogram) + 1) - 0.5
+    counts.stairs(100 * histogram, edges, fill=True, color=COLORS["zone"], label="share")
+    picture = likely.imshow(shares, extent=area, origin="lower", cmap="Blues", vmax=1.6)
+    # What is unlikely shows the page, light or dark.
+    picture.set(alpha=np.sqrt(shares), label="likelihood")
+    ring: dict[str, Any] = {"fillstyle": "none", "markersize": 9, "markeredgewidth": 2}
+    for plot in (likely, before, after):
+        plot.plot(*seen["truth_m"], "o", color=COLORS["truth"], label="truth", **ring)
+    for plot, name in ((before, "before"), (after, "after")):
+        for each in seen[name]:
+            _ellipse(plot, each)
+    after.plot(*seen["estimate_m"], "o", color=COLORS["field"], markersize=4, label="estimate")
 
 
 def _ellipse(plot: Axes, hypothesis: dict[str, Any]) -> None:
     """The 90 % region of a hypothesis, the stronger the more it weighs, and its weight."""
-    turn = np.linspace(0, 2 * np.pi, 60)
+    turn = np.linspace(0, 2 * np.pi, 37)
     root = np.linalg.cholesky(np.array(hypothesis["covariance_m2"]) + 1e-9 * np.eye(2))
     x, y = np.array(hypothesis["mean_m"])
     ring = np.sqrt(HELD) * np.stack([np.cos(turn), np.sin(turn)], axis=1) @ root.T + (x, y)
     weight, color = hypothesis["weight"], COLORS["field"]
     plot.plot(*ring.T, color=color, linewidth=1 + 1.5 * weight, alpha=0.35 + 0.65 * weight)
     words = f"{100 * weight:.0f} %"
-    plot.annotate(words, ring[7], (3, 3), textcoords="offset points", fontsize=8.5, color=color)
+    plot.annotate(words, ring[4], (3, 3), textcoords="offset points", fontsize=8.5, color=color)
 
 
 EXPERIMENT = Experiment(
-    "The field beside the paper's filter",
-    Parameters,
-    run,
-    finding,
-    needs=POSITIONS,
-    after=("mocap_training",),
-    cost_s=30,
+    "The field beside the paper's filter", Parameters, run, finding, POSITIONS, ("mocap_training",)
 )

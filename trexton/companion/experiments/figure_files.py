@@ -1,13 +1,17 @@
 """Figures as files: SVG for a page, wide and for a phone, and a picture.
 
-A page shows the layout that fits its width; the words keep their size in both.
+A page shows the layout that fits its width; the words keep their size in both. It can also show one
+`layer` of a figure in place of another.
 """
 
 import io
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import matplotlib
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
@@ -20,6 +24,7 @@ _SHORT = 24  # characters of a label, of which two fit
 _GRID = 3  # columns, from which on a figure is a sheet of pictures
 
 # Scales are small numbers of many digits that count, and no coordinates.
+_HIDDEN = re.compile(r'(?=id="step-\d+-\d+-hidden")')
 _NUMBER = re.compile(r"scale\([^)]*\)|(?<=[ MLQCz\"(,])(-?\d+\.\d{3,})")
 
 
@@ -27,9 +32,24 @@ def to_svg(figure: Figure, **options: Any) -> bytes:
     """The figure as SVG, its coordinates to a tenth of a point."""
     stream = io.BytesIO()
     # Identifiers are made from a salt when the figure is written; without it every run has others.
-    with matplotlib.rc_context({"svg.hashsalt": "trexton"}):
+    with matplotlib.rc_context({"svg.hashsalt": "trexton", "image.composite_image": False}):
         figure.savefig(stream, format="svg", metadata={"Date": None}, **options)
-    return _NUMBER.sub(_rounded, stream.getvalue().decode()).encode()
+    text = _HIDDEN.sub('display="none" ', stream.getvalue().decode())
+    return _NUMBER.sub(_rounded, text).encode()
+
+
+@contextmanager
+def layer(figure: Figure, step: int, shown: bool) -> Iterator[None]:
+    """What is drawn meanwhile is a step that a page can show in place of the `shown` one."""
+    before = _drawn(figure)
+    yield
+    for count, artist in enumerate(_drawn(figure)):
+        if artist not in before:
+            artist.set_gid(f"step-{step}-{count}" + ("" if shown else "-hidden"))
+
+
+def _drawn(figure: Figure) -> list[Artist]:
+    return [artist for axes in figure.axes for artist in axes.get_children()]
 
 
 def _rounded(found: re.Match[str]) -> str:
@@ -98,5 +118,10 @@ def _stack(owner: Axes | Figure, legend: Legend | None, **place: Any) -> None:
 def to_png(figure: Figure) -> bytes:
     """The figure as a picture of 150 dots an inch."""
     stream = io.BytesIO()
+    hidden = [each for each in _drawn(figure) if str(each.get_gid()).endswith("-hidden")]
+    for artist in hidden:
+        artist.set_visible(False)
     figure.savefig(stream, format="png", dpi=150)
+    for artist in hidden:
+        artist.set_visible(True)
     return stream.getvalue()

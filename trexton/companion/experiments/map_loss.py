@@ -36,11 +36,11 @@ PAIRED_FRAMES = 1000  # at most so many, evenly spaced, where all pairs are comp
 class Parameters(MapParameters):
     """What can be chosen."""
 
-    sigma: float = option(
-        0.0,
-        f"of ideal similarity and smoothing, in metres; 0 is the authors' {AUTHORS}, and over a "
-        "field a tenth of its diagonal",
-        low=0,
+    sigma: float | None = option(
+        None,
+        f"of ideal similarity and smoothing, in metres; without it the authors' {AUTHORS}, and "
+        "over a field a tenth of its diagonal",
+        above=0,
     )
 
 

@@ -24,6 +24,7 @@ CLAIMS = (
         "kind": "below",
         "bound": GRID_FILTER_CM,
         "ours": "senses:field.mean_cm",
+        "data": "Walks with a radio beacon (real)",
         "needs": "the public Bluetooth walks",
     },
 )
