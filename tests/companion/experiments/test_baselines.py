@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from small_room import histogram_flight
 
+from trexton.base.errors import DataError
 from trexton.companion.build import notebook
-from trexton.companion.experiments import baselines
+from trexton.companion.experiments import baselines, senses
 from trexton.companion.experiments.baselines import (
     _forest,
     _gaussian_processes,
@@ -58,6 +59,18 @@ def test_the_verdict_names_the_better_and_both_directions():
     assert len(points) == len(shown)
     for cost, error in edge.get_xydata()[1:]:
         assert not ((points[:, 0] < cost) & (points[:, 1] <= error)).any()
+
+
+def test_walks_that_are_not_there_are_said_without_a_path_of_this_machine(monkeypatch):
+    def unreachable(name):
+        raise DataError("/home/me/ble.csv cannot be fetched (ConnectionError)")
+
+    monkeypatch.setattr(senses, "locate", unreachable)
+    flight = histogram_flight("hall", frames=20)
+    record = senses.run(flight, flight, senses.Parameters())
+    assert record.values["absent"] and not record.timings
+    said = senses.finding(record)
+    assert "TREXTON_DATA" in said and "/home" not in said and "Connection" not in said
 
 
 def test_a_name_hides_no_other_where_there_is_room():

@@ -6,6 +6,7 @@ The public Bluetooth walks take the place of the flight; training and defaults a
 from dataclasses import dataclass
 
 from trexton.base.errors import DataError
+from trexton.base.progress import say
 from trexton.base.records import Record
 from trexton.companion.experiments import baselines
 from trexton.companion.experiments.declaration import Experiment
@@ -43,16 +44,20 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     try:
         walks = read_ble(*locate("ble"))
     except DataError as error:
-        return parameters.record(train, values={"absent": str(error), "exchanged": None})
+        say(str(error))
+        return parameters.record(train, values={"absent": True, "exchanged": None})
     values, step_ms = baselines.compare(walks.part("train"), walks.part("test"), parameters)
-    values |= {"absent": None, "exchanged": None}
+    values |= {"absent": False, "exchanged": None}
     return parameters.record(train, values=values, timings={"step_ms": step_ms})
 
 
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence or two."""
     if record.values["absent"]:
-        return f"The data are not at hand: {record.values['absent']}."
+        return (
+            "The public Bluetooth walks were not there, and could not be fetched. Go online, or "
+            "set `TREXTON_DATA` to a folder that holds their files, and run this again."
+        )
     held = percent(middle(record.values["field"]["held"]))
     return f"{baselines.verdict(record.values)} Its 90 % region covers {held} of the positions."
 
