@@ -49,7 +49,8 @@ def _repeated(texton_map: TextonMap, count: int, seed: int) -> TextonMap:
 
 
 def answers(scene: Scene) -> Iterator[Contest]:
-    """The first number of a report with a test flight, and of a floor's suitability; and all."""
+    """What a report and a floor's suitability say first, and all; and the check of a flight."""
+    from trexton.flights.check import check_flight
     from trexton.simulator.recording import record_flight
 
     floor, test = scene.flight.floor, scene.folder / "test"
@@ -64,13 +65,18 @@ def answers(scene: Scene) -> Iterator[Contest]:
         for what, limit in (("first number", first), ("whole", whole)):
             ask = partial(_ask, words, alone=what != "whole")
             yield scene.contest(f"{words[0]}, {what}", ask, limit, threads=2, rounds=1)
+    again = partial(_ask, report, alone=False, folder=str(scene.folder / "made"))
+    again()
+    yield scene.contest("report, nothing changed", again, 1.8, threads=2, rounds=1)
+    check = partial(check_flight, scene.folder / "flight")
+    yield scene.contest("check", check, 1.4, threads=2, rounds=3)
 
 
-def _ask(words: list[str], alone: bool) -> None:
-    """Run the command, with nothing kept of runs before, to its end or to its first number."""
+def _ask(words: list[str], alone: bool, folder: str = "") -> None:
+    """Run the command to its end or first number; of runs before, a `folder` may keep something."""
     with (
-        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
-        environment({"TREXTON_CACHE": folder}),
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as fresh,
+        environment({"TREXTON_CACHE": (folder := folder or fresh)}),
     ):
         command = [sys.executable, "-m", "trexton", *words, "--out", f"{folder}/out"]
         streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}

@@ -246,11 +246,8 @@ def one_frame(record: Record) -> Figure:
     with canvas(2, 2, size=(PHONE_WIDTH, 4.4)) as (figure, axes):  # no other for phones
         counts, likely, before, after = axes.flat
         counts.set(title="1. Histogram", xlabel="texton", ylabel="patches (%)")
-        for plot, title in (
-            (likely, "2. Likelihood"),
-            (before, "3. Before"),
-            (after, "4. After"),
-        ):
+        titles = "2. Likelihood", "3. Before", "4. After"
+        for plot, title in zip((likely, before, after), titles, strict=True):
             floor_axes(plot, area)
             plot.set_title(title)
         for step, seen in enumerate(record.series["frames"]):
