@@ -10,6 +10,7 @@ import pytest
 from test_import import picture
 
 from trexton.base.errors import FlightError, ImageError, TrextonError
+from trexton.flights.check import check_flight
 from trexton.flights.importing import import_flight, preview_import
 from trexton.vision.images import read_image, read_picture
 
@@ -226,6 +227,75 @@ def test_a_table_names_photographs_with_their_folder(tmp_path):
         import_flight(source, tmp_path / "again")
 
 
+def table(source: Path, head: str, row: str) -> None:
+    """A row for each of six photographs, of its name, its number, and its latitude."""
+    rows = [row.format(name=f"IMG_{i + 7}.jpg", i=i, lat=47 + i * 1e-5) for i in range(6)]
+    (source / "positions.csv").write_text("\n".join([head, *rows]))
+
+
+def test_places_that_contradict_those_of_exif_are_named(tmp_path):
+    source = photos(tmp_path / "p")
+    table(source, "file,lat,lon", "{name},8,{lat}")
+    with pytest.raises(
+        FlightError, match=r"lie 5\d\d\d km from .*, exchanged 0 km: exchange lat and"
+    ):
+        import_flight(source, tmp_path / "out")
+    table(source, "file,lat,lon", "{name},4{lat},8")  # of another place
+    with pytest.raises(FlightError, match="expected degrees"):
+        import_flight(source, tmp_path / "out")
+    for shift, said_so in (("47.1", True), ("47.00001", False)):
+        table(source, "file,lat,lon", "{name}," + shift + "{i},8")
+        said = import_flight(source, tmp_path / f"out{shift}")[1]
+        assert any("km from those in EXIF: are they of these" in line for line in said) == said_so
+
+
+@pytest.mark.parametrize(("unit", "altitude"), [("_ft", 1312.336), (" [ft]", 1312.336), ("", 400)])
+def test_altitudes_of_a_table_may_be_in_feet(tmp_path, unit, altitude):
+    source = photos(tmp_path / "p")
+    table(source, f"file,lat,lon,alt{unit}", "{name},{lat},8," + f"{altitude}")
+    flight, said = import_flight(source, tmp_path / "out", settings={"ground": "380"})
+    np.testing.assert_allclose(flight.height, 20, atol=1e-4)
+    assert any("is taken in ft, as its name says" in line for line in said) == bool(unit)
+
+
+@pytest.mark.parametrize("time", ["2024:05:01 10:00:00", "", None])
+def test_a_counter_that_begins_anew_goes_on(tmp_path, time):
+    numbers = [9997, 9998, 9999, 1, 2, 3]
+    for i, number in enumerate(numbers):
+        taken = {"time": f"2024:05:01 10:00:{50 - 5 * i}" if time is None else time}
+        photo(tmp_path / f"DJI_{number:04}.JPG", i, 47 + i * 1e-5, **taken)
+    flight, _ = import_flight(tmp_path, tmp_path / "out")
+    north = 1.112 * np.arange(6)
+    expected = north[::-1] if time is None else north  # where stamps tell, they tell
+    np.testing.assert_allclose(flight.position[:, 1], expected, atol=1e-2)
+
+
+@pytest.mark.parametrize("day", ["", "2024-05-01T"])
+def test_times_of_day_go_on_after_midnight(tmp_path, day):
+    source = photos(tmp_path / "p")
+    table(source, "file,lat,lon,time", "{name},{lat},8," + day + "{{}}")
+    text = (source / "positions.csv").read_text()
+    clocks = [f"{day}23:59:{54 + 2 * i}" if i < 3 else f"{day}00:00:0{2 * i - 6}" for i in range(6)]
+    (source / "positions.csv").write_text(text.replace(day + "{}", "{}").format(*clocks))
+    flight, said = import_flight(source, tmp_path / "out")
+    after = [line for line in said if "row 5: times of day begin anew: counted on by 24 h" in line]
+    if day:  # dates tell themselves
+        assert not after and np.ptp(flight.time) > 80_000
+    else:
+        assert len(after) == 1
+        np.testing.assert_allclose(flight.time, [0, 2, 4, 6, 8, 10])
+        np.testing.assert_allclose(flight.position[:, 1], 1.112 * np.arange(6), atol=1e-2)
+
+
+def test_photographs_that_look_ahead_are_of_the_gimbal(tmp_path):
+    angles = 'd:GimbalPitchDegree="-40" d:GimbalYawDegree="0" d:GimbalRollDegree="0"'
+    source = photos(tmp_path / "p", xmp=f"<a {angles}/>".encode())
+    _, said = import_flight(source, tmp_path / "out")
+    for lines in (said, check_flight(tmp_path / "out").warnings):
+        (line,) = (line for line in lines if "50 degrees from straight down" in line)
+        assert "a gimbal that was not at -90 degrees" in line and "--quaternion" not in line
+
+
 def test_reconstructions_have_positions_and_attitude(tmp_path):
     source = photos(tmp_path / "p")
     # A camera that looks down from (i, 2, 5): x to the right, y (of the picture) to -y.
@@ -233,10 +303,11 @@ def test_reconstructions_have_positions_and_attitude(tmp_path):
     for i in range(6):
         colmap += [f"{i + 1} 0 1 0 0 {-i} 2 5 1 images/IMG_{i + 7}.jpg", "1.0 2.0 -1"]
     (tmp_path / "images.txt").write_text("\n".join(colmap))
+    (tmp_path / "bare.txt").write_text("\n".join(colmap[2:]))
     shots = {f"IMG_{i + 7}.jpg": {"rotation": [np.pi, 0, 0], "translation": [-i, 2, 5]}
              for i in range(6)}  # fmt: skip
     (tmp_path / "reconstruction.json").write_text(json.dumps([{"shots": shots}]))
-    for name in ("images.txt", "reconstruction.json"):
+    for name in ("images.txt", "bare.txt", "reconstruction.json"):
         chosen = {"positions": str(tmp_path / name)}
         flight, _ = import_flight(source, tmp_path / f"out-{name}", settings=chosen)
         np.testing.assert_allclose(flight.position, [[i, 2] for i in range(6)], atol=1e-9)

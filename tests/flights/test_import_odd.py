@@ -340,6 +340,23 @@ def test_a_clock_that_was_set_back_is_named(tmp_path):
     assert said[0].endswith("1 rows of positions out of order, sorted by their stamps")
 
 
+@pytest.mark.parametrize("clock", ["{h:02}:{m:02}:{s:06.3f}", "{t:.3f}"])
+@pytest.mark.parametrize("kind", ["csv", "features"])
+def test_times_of_day_go_on_after_midnight(tmp_path, clock, kind):
+    seconds = (86399.8 + 0.1 * np.arange(6)) % 86400
+    stamps = [clock.format(h=int(t // 3600), m=int(t // 60 % 60), s=t % 60, t=t) for t in seconds]
+    source = circled(tmp_path / "a", stamps)
+    settings = {}
+    if kind == "features":
+        rows = [f"{t},{np.cos(i)},{np.sin(i)},1,2,3" for i, t in enumerate(stamps)]
+        source.write_text("\n".join(["t,x,y,a,b,c", *rows]))
+        settings = {"time": "t"}
+    flight, said = import_flight(source, tmp_path / "o", kind=kind, settings=settings)
+    np.testing.assert_allclose(flight.time, 0.1 * np.arange(6), atol=1e-6)
+    assert any("row 4: times of day begin anew: counted on by 24 hours" in line for line in said)
+    assert not any("clock" in line and "set back" in line for line in (*said, *flight.notes))
+
+
 def test_stamps_of_a_clock_that_was_set_back_are_counted_on(tmp_path):
     flight = import_flight(circled(tmp_path / "a", np.arange(6) / 10), tmp_path / "o")[0]
     file = tmp_path / "o" / "frames.csv"

@@ -8,9 +8,7 @@ from trexton.flights.check import check_flight, repair_flight
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", metavar="FLIGHT", help="the folder that holds flight.toml")
-    parser.add_argument(
-        "--repair", action="store_true", help="do what each warning advises, in a copy at --out"
-    )
+    parser.add_argument("--repair", action="store_true", help="do what warnings advise, in a copy")
     parser.add_argument("--out", metavar="FLIGHT", help="where the repaired flight is written")
     parser.add_argument("--replace", action="store_true", help="replace the Flight folder there")
 

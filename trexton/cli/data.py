@@ -19,10 +19,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.verb == "list":
         for name, entry in registry().items():
             here = all((data_folder() / file["key"]).is_file() for file in entry["files"])
-            print(
-                f"{name}: {entry['title']}\n  licence: {entry['licence']}\n"
-                f"  on this machine: {'yes' if here else 'no'}"
-            )
+            print(f"{name}: {entry['title']}\n  licence: {entry['licence']}")
+            print(f"  on this machine: {'yes' if here else 'no'}")
         return 0
     out = Path(arguments.out or Path("data") / "flights" / arguments.name)
     print(fetch(arguments.name, out, arguments.replace))

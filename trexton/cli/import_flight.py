@@ -58,9 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     *kind, source = arguments.what
     if len(kind) > 1:
-        raise ParameterError(
-            f"{' '.join(arguments.what)}: expected a kind and a source, or a source"
-        )
+        raise ParameterError(f"{' '.join(arguments.what)}: expected a source, or kind and source")
     chosen = kind[0] if kind else None
     settings: dict[str, object] = {
         name.removeprefix(PLACE): value
@@ -74,9 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     if not arguments.out:
         raise ParameterError("name the folder to write with --out, or say --dry-run")
-    flight, remarks = import_flight(
-        source, arguments.out, kind=chosen, settings=settings, replaced=arguments.replace
-    )
+    how = {"kind": chosen, "settings": settings, "replaced": arguments.replace}
+    flight, remarks = import_flight(source, arguments.out, **how)
     seconds = flight.time[-1] - flight.time[0]
     said = f"{len(flight)} frames, {seconds:.1f} s; next: trexton check {arguments.out}"
     say("\n".join([*remarks, f"{arguments.out}: {said}"]))

@@ -71,9 +71,7 @@ class _Once(argparse.Action):
 
 def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argparse.ArgumentParser:
     """The parser for the `words` typed; only the module of the `chosen` verb is imported."""
-    parser = _Parser(
-        prog="trexton", description="Texton-based global localization for micro aerial vehicles."
-    )
+    parser = _Parser(prog="trexton", description="Texton-based localization of micro air vehicles.")
     parser.add_argument("--version", action="version", version=f"trexton {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in [chosen] if chosen in COMMANDS else verbs():

@@ -63,10 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     files = [each.partition(":")[2] for each in settings.outputs] + [settings.of(Flying).log]
     for name, count in summary["left_out"].items():
         if name in files:
-            raise TrextonError(
-                f"{name}: {count} lines were left out while the rest went on (a full disk?): make "
-                "room, or name another place"
-            )
+            raise TrextonError(f"{name}: {count} lines were left out (a full disk?): make room")
     if summary["frames"] and not summary["observed"]:
         faults = ", ".join(f"{name} {count}" for name, count in summary["faults"].items())
         raise TrextonError(

@@ -17,15 +17,11 @@ from trexton.simulator.sensor import Effects
 class SimulateOptions(Options):
     """What is flown"""
 
-    pattern: str = option(
-        "survey", "lanes (training), or waypoints an hour later (test)", choices=tuple(PATTERNS)
-    )
+    pattern: str = option("survey", "lanes, or for a test waypoints later", choices=tuple(PATTERNS))
     frames: int | None = option(None, "number of frames (survey 800, waypoints 415)")
     every: int = option(1, "keep every N-th frame only")
     seed: int | None = option(None, "seed of the flight (survey 1, waypoints 2)")
-    floor: str | None = option(
-        None, "picture of the floor instead of the painted hall; alpha 0 is not mapped"
-    )
+    floor: str | None = option(None, "picture instead of the painted hall; alpha 0 is not mapped")
     floor_width: float | None = option(None, "width of the floor picture in metres (5)")
     floor_seed: int = option(0, "seed of the painted hall")
     layout: str = option("hall", "how the hall's mats lie", choices=tuple(LAYOUTS))
@@ -43,21 +39,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     options = chosen_options(arguments, SimulateOptions)
-    if options.floor is None and options.floor_width is not None:
-        raise ParameterError(
-            "--floor-width is given without --floor: it is the width of a floor picture"
-        )
     effects = Effects.parse(assignments(arguments.settings, "effect=value"), "a camera")
     if options.floor is None:
+        if options.floor_width is not None:
+            raise ParameterError("--floor-width is the width of a floor picture: add --floor")
         floor = Floor.painted(options.layout, options.floor_seed)
     else:
         check_not_read(arguments.out, options.floor)
         width = 5.0 if options.floor_width is None else options.floor_width
         floor = Floor.from_file(options.floor, width)
     names = ("pattern", "frames", "every", "seed", "height")
-    flown = {name: getattr(options, name) for name in names}
-    flight = record_flight(
-        arguments.out, floor=floor, effects=effects, replace=arguments.replace, **flown
-    )
+    flown = {name: getattr(options, name) for name in names} | {"replace": arguments.replace}
+    flight = record_flight(arguments.out, floor=floor, effects=effects, **flown)
     say(f"{arguments.out}: {len(flight)} frames, {flight.time[-1] - flight.time[0]:.1f} s")
     return 0

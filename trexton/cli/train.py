@@ -32,23 +32,15 @@ class TrainOptions(Options):
 
     textons: int = option(TEXTONS, "textons in the dictionary")
     patch: int = option(PATCH, "side of a patch in pixels")
-    cells: int | None = option(
-        None, f"parts of the image a side, each with a histogram (default 1; {_USUAL})"
-    )
-    method: str | None = option(
-        None, "parts to train (the paper's: paper); else field or fine, by left-out frames"
-    )
-    update: str | None = option(
-        None, "a map to renew by the flight: old frames that it contradicts are replaced"
-    )
+    cells: int | None = option(None, f"parts of an image along a side (default 1; {_USUAL})")
+    method: str | None = option(None, "parts to train; else field or fine, by left-out frames")
+    update: str | None = option(None, "map to renew: frames the flight contradicts are replaced")
     seed: int = option(1, "of the random patches")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", help="flight folder; its train split is used where it has one")
-    parser.add_argument(
-        "-o", "--output", required=True, metavar="MAP", help="the texton map to write (.npz)"
-    )
+    parser.add_argument("-o", "--output", required=True, metavar="MAP", help="map to write (.npz)")
     words = "another part, or an option of one, repeatable: distance=hellinger, motion.sigma=0.2"
     add_assignments(parser, "ROLE[.OPTION]=VALUE", words)
     add_options(parser, TrainOptions)
@@ -66,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         say(f"warning  {doubt}")
     choices: dict[str, Any] = {**parse_choices(arguments.settings)}
     if options.update is not None:
-        return _update(options.update, flight, options, choices, arguments.output)
+        return _update(flight, options, choices, arguments.output)
     methods = [options.method] if options.method else _candidates(flight, choices)
     tried = []
     for method in methods:
@@ -86,9 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _update(
-    old: str, flight: Flight, options: TrainOptions, choices: dict[str, Any], output: str
-) -> int:
+def _update(flight: Flight, options: TrainOptions, choices: dict[str, Any], output: str) -> int:
     """Renew a map; its own textons, method and parts stay."""
     from trexton.localization.map_files import load_map
     from trexton.localization.renewal import renewed
@@ -96,11 +86,12 @@ def _update(
     own = TrainOptions(update=options.update, seed=options.seed)
     if choices or options != own:
         raise ParameterError("--update renews a map as it is: leave other options out, but --seed")
-    made, replaced = renewed(load_map(old), flight, rng=stream(options.seed, "training"))
+    old = load_map(str(options.update))
+    made, replaced = renewed(old, flight, rng=stream(options.seed, "training"))
     texton_map, assessment = _assessed(made, None, options)
     path = save_map(texton_map, output)
-    count = len(texton_map.positions)
-    say(f"{flight.name} replaced {replaced} frames of {old}: {count} frames became {path}")
+    became = f"{len(texton_map.positions)} frames became {path}"
+    say(f"{flight.name} replaced {replaced} frames of {options.update}: {became}")
     say(f"method {texton_map.method}: {_verdict(assessment)}")
     return 0
 

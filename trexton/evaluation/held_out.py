@@ -94,11 +94,8 @@ def stretches(time: np.ndarray) -> list[np.ndarray]:
         The flight is too short.
     """
     lasts = float(time[-1] - time[0])
-    if lasts < 4 * (WARM_S + 1):
-        raise MapError(
-            f"the training flight lasts {lasts:.1f} s: what a method's errors are like "
-            f"takes at least {4 * (WARM_S + 1):g} s, record a longer one"
-        )
+    if lasts < (least := 4 * (WARM_S + 1)):
+        raise MapError(f"the training flight lasts {lasts:.1f} s: record {least:g} s or more")
     whole = min(STRETCH_S + WARM_S, lasts / 4)  # two of them leave at least half to learn from
     count = max(2, min(MOST_STRETCHES, int(lasts / (whole - WARM_S))))
     starts = np.linspace(time[0], time[-1] - whole, count)

@@ -69,10 +69,8 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
             "frames out"
         )
     if dark > sizes.total() / 2:
-        warnings.append(
-            f"{path}: {count_of(dark, 'picture')} of {sizes.total()} darker than {DARK} of 255: "
-            "12 bits in 16? stretch them, or expose longer"
-        )
+        pictures = f"{count_of(dark, 'picture')} of {sizes.total()} darker than {DARK} of 255"
+        warnings.append(f"{path}: {pictures}: 12 bits in 16? stretch them, or expose longer")
     if reading.flight is not None:
         try:
             reading.flight.floor  # noqa: B018 - reads the picture
@@ -135,10 +133,8 @@ def facts(flight: Flight) -> list[tuple[str, str]]:
     }
     if len(flight) > 1:
         gaps = np.diff(time)
-        rows["duration"] = (
-            f"{time[-1] - time[0]:.2f} s, {1 / np.median(gaps):.2f} frames a second, longest gap "
-            f"{gaps.max():.2f} s"
-        )
+        rate = f"{1 / np.median(gaps):.2f} frames a second, longest gap {gaps.max():.2f} s"
+        rows["duration"] = f"{time[-1] - time[0]:.2f} s, {rate}"
     if located.any():
         width, depth = np.ptp(flight.position[located], axis=0)
         (x, y), (x_min, x_max, y_min, y_max) = flight.position.T, flight.area

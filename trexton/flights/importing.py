@@ -38,9 +38,7 @@ class Common(Options):
     scale: float = option(1.0, "size of the images written, as a share", low=0.01, high=1)
     undistort: str = option("", "calibration to undistort by: file of OpenCV, EuRoC or Kalibr")
     crop: str = option("", "part of the images to keep, x,y,width,height in pixels")
-    split: float = option(
-        0.0, "share of the frames for training, the rest for test; 0: no splits", low=0, high=1
-    )
+    split: float = option(0.0, "share of frames that train, others test (0: none)", low=0, high=1)
     name: str = option("", "name of the flight (default: of the folder written)")
 
 
@@ -112,9 +110,7 @@ class _Plan:
     matched: list[str]
 
     @classmethod
-    def of(
-        cls, source: Path, kind: str | None, settings: Mapping[str, object], name: str = ""
-    ) -> _Plan:
+    def of(cls, source: Path, kind: str | None, settings: Mapping[str, object], name: str) -> _Plan:
         """By reading the source; raises as `import_flight`."""
         kind = kind or guess_kind(source)
         module = importer(kind)
@@ -147,7 +143,7 @@ def preview_import(
     as `import_flight`.
     """
     given = settings or {}
-    plan = _Plan.of(Path(source), kind, given)
+    plan = _Plan.of(Path(source), kind, given, "")
     recording, flight = plan.recording, plan.flight
     rows = [("kind", f"{plan.kind} ({'as given' if kind else 'guessed'})")]
     rows += [
@@ -185,10 +181,8 @@ def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]
         return PoseTrack(stamps, np.full((len(stamps), 3), np.nan)), ["no positions in the source"]
     farthest = np.nanmax(np.abs(recording.track.position), initial=0)
     if farthest > FARTHEST:
-        raise FlightError(
-            f"{recording.source}: a position is {farthest:g} m from the origin: no such place on "
-            "Earth, correct it or name its unit"
-        )
+        far = f"a position is {farthest:g} m from the origin: no such place on Earth"
+        raise FlightError(f"{recording.source}: {far}, correct it or name its unit")
     track, said = _without_lost(stamps, recording.track.shifted(common.offset))
     placed, gap_s = match(stamps, track, common.tolerance)
     count = np.isfinite(placed.position[:, 0]).sum()
@@ -196,10 +190,8 @@ def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]
     said.append(f"{found}, largest gap between positions used {gap_s:.3f} s")
     step = float(np.median(np.diff(track.time_ns, prepend=track.time_ns[0]))) / NANO
     if count < len(stamps) / 2 and step > 2 * common.tolerance:
-        said.append(
-            f"positions come {step:.3g} s apart: give --tolerance {step / 2:.2g}, or --time-unit "
-            "where their stamps are not in seconds"
-        )
+        advice = f"give --tolerance {step / 2:.2g}, or --time-unit"
+        said.append(f"positions come {step:.3g} s apart: {advice}")
     return placed, said
 
 
@@ -227,17 +219,13 @@ def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
         return {}
     trained = round(share * count)
     if not 0 < trained < count:
-        raise ParameterError(
-            f"split is {share:g}, which leaves none of {count} frames for a part: choose another "
-            "share, or none, and test on another flight"
-        )
+        left = f"split is {share:g}, which leaves none of {count} frames for a part"
+        raise ParameterError(f"{left}: choose another share, or none")
     return {"train": (0, trained - 1), "test": (trained, count - 1)}
 
 
-def _flight(
-    recording: Recording, placed: PoseTrack, done: Rectification | None, name: str
-) -> Flight:
-    place, height = placed.position[:, :2], placed.position[:, 2]
+def _flight(recording: Recording, pose: PoseTrack, done: Rectification | None, name: str) -> Flight:
+    place, height = pose.position[:, :2], pose.position[:, 2]
     located = np.isfinite(place).all(axis=1).any()
     first = int(recording.time_ns[0])
     noted = [line for line in recording.said if line.startswith(TAKEN) or SET_BACK in line]
@@ -248,7 +236,7 @@ def _flight(
         position=place,
         area=area_around(place if located else np.array([[0.0, 0], [1, 1]]), 0.02, 0.01),
         height=height if np.isfinite(height).any() else None,
-        attitude=placed.attitude,
+        attitude=pose.attitude,
         histograms=recording.histograms,
         features=recording.features,
         rectification=done if done and done.changes else None,

@@ -11,6 +11,7 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.importers import axes
+from trexton.flights.jumps import jump_doubts
 from trexton.flights.tracking import SET_BACK, Doubt, count_of, lost_rows, tracking_doubts
 from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
@@ -46,7 +47,7 @@ def warnings(flight: Flight, first: Sequence[np.ndarray] = ()) -> list[Doubt]:
     turning = partial(_turning, first=first)
     places = (_outside, tracking_doubts, _speed, _heights)
     views: tuple[Callable[[Flight], Iterator[str]], ...] = (_angles, _view, turning, _extent)
-    others = (_stamps, _splits, _floor, _features)
+    others = (jump_doubts, _stamps, _splits, _floor, _features)
     said = (each for check in (*places, *views, *others) for each in check(flight))
     return [each if isinstance(each, Doubt) else Doubt(each) for each in said]
 
@@ -75,11 +76,8 @@ def _outside(flight: Flight) -> Iterator[str]:
     for unit, factor in _SMALLER:
         wide = factor * np.ptp(place, axis=0).max() > 0.2 * (high - low).min()
         if out.mean() > 0.5 and wide and beyond(factor * place).mean() < 0.1:
-            yield Doubt(
-                f"{found}, but inside when read as {unit}: write metres",
-                f"positions read as {unit}",
-                _scaled(factor, "position"),
-            )
+            said = f"{found}, but inside when read as {unit}: write metres"
+            yield Doubt(said, f"positions read as {unit}", _scaled(factor, "position"))
             return
     yield f"{found}: correct them, or widen area_m"
 
@@ -110,11 +108,10 @@ def _speed(flight: Flight) -> Iterator[str]:
         # What leaves about a walk in about a room.
         usual = np.array((speed / USUAL[0], extent / USUAL[1]))
         unit, factor = min(_SMALLER, key=lambda each: np.abs(np.log(usual * each[1])).sum())
-        yield Doubt(
-            f"the vehicle moves at {speed:.4g} m/s: positions in {unit}? write metres and seconds",
-            f"positions and area read as {unit}",
-            _scaled(factor, "position", "area"),
+        said = (
+            f"the vehicle moves at {speed:.4g} m/s: positions in {unit}? write metres and seconds"
         )
+        yield Doubt(said, f"positions and area read as {unit}", _scaled(factor, "position", "area"))
 
 
 def _heights(flight: Flight) -> Iterator[str]:
@@ -123,18 +120,14 @@ def _heights(flight: Flight) -> Iterator[str]:
     height, rows = flight.height[known], np.flatnonzero(known)
     usual, below = float(np.median(height)), height < 0
     if not height.any():
-        yield Doubt(
-            f"all {len(rows)} heights are 0: write metres above the floor, or leave z_m out",
-            "heights left out, which are all 0",
-            lambda flight: replace(flight, height=None),
-        )
+        said = f"all {len(rows)} heights are 0: write metres above the floor, or leave z_m out"
+        left_out = "heights left out, which are all 0"
+        yield Doubt(said, left_out, lambda flight: replace(flight, height=None))
     elif below.mean() > 0.5:
-        yield Doubt(
-            f"{below.sum()} of {len(rows)} heights are negative (first: frame "
-            f"{_first(flight, rows, below)}): does z point down? write metres above the floor",
-            "heights turned, z pointed down",
-            _scaled(-1.0, "height"),
-        )
+        first = _first(flight, rows, below)
+        said = f"{below.sum()} of {len(rows)} heights are negative (first: frame {first})"
+        said += ": does z point down? write metres above the floor"
+        yield Doubt(said, "heights turned, z pointed down", _scaled(-1.0, "height"))
     elif flight.origin is None and usual > max(MAX_HEIGHT_RATIO * flight.diagonal, 30):
         unit, factor = _SMALLER[usual <= 300]
         yield Doubt(
@@ -173,7 +166,11 @@ def _angles(flight: Flight) -> Iterator[str]:
 
 def _view(flight: Flight) -> Iterator[str]:
     """A camera that does not look down in half of the frames."""
-    if flight.attitude is None or not (doubt := axes.looks_away(flight.attitude)):
+    photographs = flight.source.startswith("photographs")  # their attitude is the gimbal's
+    if flight.attitude is None or not (doubt := axes.looks_away(flight.attitude, photographs)):
+        return
+    if photographs:
+        yield doubt
         return
     # As the import that wrote them took them; else they are taken for what they should be.
     noted = (note.removeprefix(axes.TAKEN) for note in flight.notes if note.startswith(axes.TAKEN))
@@ -215,19 +212,14 @@ def _turning(flight: Flight, first: Sequence[np.ndarray] = ()) -> Iterator[str]:
         )
     elif found.noticeable:
         late = f"{abs(found.seconds):.2f} s {'after' if found.seconds > 0 else 'before'}"
-        yield (
-            f"the pictures turn {late} the yaw does: stamps of two clocks, import again with "
-            f"--offset {found.seconds:.2f}"
-        )
+        yield f"the pictures turn {late} the yaw does: import again, --offset {found.seconds:.2f}"
 
 
 def _extent(flight: Flight) -> Iterator[str]:
     place = flight.position[flight.located]
     if len(place) > 1 and (extent := np.ptp(place, axis=0)).max() < MIN_EXTENT:
-        yield (
-            f"the {len(place)} positions span {extent[0]:.2g} m x {extent[1]:.2g} m: another unit "
-            "than metres, or a vehicle that stood still"
-        )
+        span = f"the {len(place)} positions span {extent[0]:.2g} m x {extent[1]:.2g} m"
+        yield f"{span}: another unit than metres, or a vehicle that stood still"
 
 
 def _stamps(flight: Flight) -> Iterator[str]:
@@ -245,16 +237,11 @@ def _stamps(flight: Flight) -> Iterator[str]:
         )
     if gap > MAX_MEDIAN_INTERVAL:
         unit, factor = next((u, f) for u, f, least in _STAMPS if gap > least)
-        yield Doubt(
-            f"frames come {gap:.4g} s apart: stamps in {unit}? write seconds",
-            f"stamps read as {unit}",
-            _scaled(factor, "time"),
-        )
+        said = f"frames come {gap:.4g} s apart: stamps in {unit}? write seconds"
+        yield Doubt(said, f"stamps read as {unit}", _scaled(factor, "time"))
     elif gap > SLOW[0] and 0 < (speed := _median_speed(flight)) < SLOW[1]:
-        yield (
-            f"frames come {gap:.3g} s apart and the vehicle moves at {speed:.2g} m/s: stamps in "
-            "milliseconds? write seconds"
-        )
+        slow = f"frames come {gap:.3g} s apart and the vehicle moves at {speed:.2g} m/s"
+        yield f"{slow}: stamps in milliseconds? write seconds"
     elif gap < SHORTEST:
         said = f"frames come {gap:.2g} s apart: stamps in days? write seconds"
         yield Doubt(said, "stamps read as days", _scaled(86400.0, "time"))
@@ -264,10 +251,8 @@ def _splits(flight: Flight) -> Iterator[str]:
     if {"train", "test"} <= set(flight.split):
         (first, last), (begin, end) = flight.split["train"], flight.split["test"]
         if (common := min(last, end) - max(first, begin) + 1) > 0:
-            yield (
-                f"splits train and test share {count_of(common, 'frame')}: what was trained on "
-                "proves nothing, part them"
-            )
+            shared = count_of(common, "frame")
+            yield f"splits train and test share {shared}, which prove nothing: part them"
 
 
 def _floor(flight: Flight) -> Iterator[str]:

@@ -53,10 +53,7 @@ def build(settings: Settings) -> Onboard:
     sinks = [open_sink(address, around, settings.options) for address in settings.outputs]
     landers: list[LandingLink] = [each for each in sinks if isinstance(each, LandingLink)]
     if landing.arm_landing and not landers:
-        raise ParameterError(
-            "--arm-landing needs an output that can command it: "
-            "add --output udpout:HOST:PORT or another MAVLink link"
-        )
+        raise ParameterError("--arm-landing needs a MAVLink link: add --output udpout:HOST:PORT")
     key = settings.of(MavlinkOptions).sign_key or settings.map
     _check_files([settings.map, key, *source.files], [sink.file for sink in sinks], flying.log)
     for address in settings.outputs:
@@ -87,10 +84,7 @@ def _source(texton_map: TextonMap, settings: Settings) -> Source:
     shape = texton_map.image_shape if rectification is None else rectification.source[::-1]
     source = open_source(camera, shape, settings.options)
     if source.gives == "images" and texton_map.dictionary is None:
-        raise MapError(
-            f"{camera} gives images, but the map was trained from histograms and holds no "
-            "textons: train a map on a flight with images"
-        )
+        raise MapError(f"{camera} gives images, the map holds no textons: train it on images")
     if not source.rectified:
         source.rectification = rectification
     if source.live:
@@ -134,10 +128,7 @@ def _localizer(texton_map: TextonMap, settings: Settings, touchdown: bool) -> Lo
     if settings.of(MavlinkOptions).send_yaw and (
         not localizer.parts["filter"].knows_heading or flying.aiding == "all"
     ):
-        raise ParameterError(
-            "--send-yaw sends the heading that method fine finds without a compass: take a map for "
-            "it, and no --aiding all"
-        )
+        raise ParameterError("--send-yaw needs method fine: take a map for it, no --aiding all")
     return localizer
 
 

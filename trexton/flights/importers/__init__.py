@@ -52,9 +52,8 @@ def guess_kind(source: Path) -> str:
     """
     if not source.exists():
         raise ParameterError(f"{source}: no such file or folder")
-    fitting = [
-        kind for kind in addresses("importers", IMPORTERS) if importer(kind).recognises(source)
-    ]
+    kinds = addresses("importers", IMPORTERS)
+    fitting = [kind for kind in kinds if importer(kind).recognises(source)]
     fitting = [kind for kind in fitting if kind != "photos"] or fitting  # lists may lie beside them
     if len(fitting) == 1:
         return fitting[0]

@@ -96,23 +96,19 @@ def readings(quaternions: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
                 yield f"axes {name}{', order w, x, y, z' if order else ''}", attitude
 
 
-def looks_away(attitude: np.ndarray) -> str:
+def looks_away(attitude: np.ndarray, photographs: bool = False) -> str:
     """A sentence where a camera of these roll, pitch, yaw does not look down in half of the frames,
-    with the likely causes; empty where it does.
+    with the likely causes, which are others for `photographs`; empty where it does.
     """
     tilt = _tilts(attitude, 0.5)
     if not tilt > LOOKS_DOWN or np.nanmax(np.abs(attitude)) > MAX_ANGLE:  # those are degrees
         return ""
-    causes = (
-        "another order of the quaternion (--quaternion), other axes (--axes), or a camera that "
-        "looks ahead?"
-    )
-    if tilt > 150:
+    causes = "another order (--quaternion), other axes (--axes), or a camera that looks ahead?"
+    if photographs:
+        causes = "a gimbal that was not at -90 degrees, or a reconstruction that was not aligned?"
+    elif tilt > 150:
         causes = "axes whose z points down (--axes frd or camera)?"
-    return (
-        f"the camera looks {tilt:.0f} degrees from straight down in half of the frames: {causes} "
-        "the map is of the floor, below the camera"
-    )
+    return f"the camera looks {tilt:.0f} degrees from straight down in half of the frames: {causes}"
 
 
 def _tilts(attitude: np.ndarray, share: float) -> float:

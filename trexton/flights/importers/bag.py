@@ -240,9 +240,7 @@ def _decoded(where: str, message: tuple[int, int, Any]) -> np.ndarray:
     kind = (">" if item.is_bigendian else "<") + kind
     rows, columns, step = int(item.height), int(item.width), int(item.step)
     if rows * columns > MOST_PIXELS:
-        raise FlightError(
-            f"{where} declares {columns}x{rows} pixels: expected at most {MOST_PIXELS:,}"
-        )
+        raise FlightError(f"{where} has {columns}x{rows} pixels: expected at most {MOST_PIXELS:,}")
     width = columns * channels * np.dtype(kind).itemsize
     if len(item.data) < rows * step or step < width:
         raise FlightError(f"{where} is shorter than its {columns}x{rows} pixels")

@@ -139,11 +139,19 @@ def _attitude(values: dict[str, float]) -> tuple[float, float, float]:
     return _UNKNOWN
 
 
+def number_of(text: str) -> str:
+    """A number of ``52 deg 5' 34.44" N`` or ``12 m Below Sea Level``; other texts as they are."""
+    found = re.fullmatch(r"""([\d.]+) (deg|m)\b(?: ([\d.]+)' ([\d.]+)\")?(.*)""", text.strip())
+    if found is None:
+        return text
+    degrees, _, minutes, seconds, side = found.groups()
+    sign = -1 if side.strip()[:1] in ("S", "W", "B") else 1
+    return str(sign * (float(degrees) + float(minutes or 0) / 60 + float(seconds or 0) / 3600))
+
+
 def missing_zones(shots: dict[Path, Shot], fewest: int) -> list[str]:
     """A sentence where some have no time zone, beside at least so many that do."""
     missing = sum(not shot.zoned for shot in shots.values())
-    said = (
-        f"{missing} of {len(shots)} photographs tell no time zone: their times are taken as UTC, "
-        "give them EXIF's OffsetTimeOriginal where they are not"
-    )
+    said = f"{missing} of {len(shots)} photographs tell no time zone: their times are taken as UTC"
+    said += ", give them EXIF's OffsetTimeOriginal where they are not"
     return [said] * (0 < missing <= len(shots) - fewest)

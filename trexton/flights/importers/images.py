@@ -37,10 +37,8 @@ def of_one_size(recording: Recording) -> Recording:
     cut = f"images that cannot be read, left out: {len(damaged)} (first: "
     said = [f"{cut}{error})" for error in damaged[:1]]
     if others := [row for row, size in enumerate(sizes) if size not in (usual, _UNREADABLE)]:
-        said.append(
-            f"images of another size than {width}x{height}, left out: {len(others)} (first: "
-            f"{frames.files[others[0]].name})"
-        )
+        left = f"{len(others)} (first: {frames.files[others[0]].name})"
+        said.append(f"images of another size than {width}x{height}, left out: {left}")
     kept = np.array([row for row, size in enumerate(sizes) if size == usual])
     return recording.rows(kept, *said) if said else recording
 
@@ -59,19 +57,17 @@ def rectification_of(
     return Rectification(full, part, size, **lens)
 
 
-def write_images(
-    frames: ImageFiles | Forward, rectification: Rectification, folder: Path
-) -> ImageFiles:
+def write_images(frames: ImageFiles | Forward, done: Rectification, folder: Path) -> ImageFiles:
     """Write every image; files that need no change are copied."""
     files = []
     for row in progress(range(len(frames)), "images", len(frames)):
         own = frames.files[row] if isinstance(frames, ImageFiles) else Path()
-        kept = not rectification.changes and own.suffix.lower() in (".jpg", ".jpeg", ".png")
+        kept = not done.changes and own.suffix.lower() in (".jpg", ".jpeg", ".png")
         file = folder / f"{row:06d}{own.suffix.lower() if kept else '.jpg'}"
         if kept:
             file.write_bytes(own.read_bytes())
         else:  # black stays black where a lens is undistorted
-            image = rectification.apply(bgr_from_yuv(frames[row]), border=(0, 0, 0))
+            image = done.apply(bgr_from_yuv(frames[row]), border=(0, 0, 0))
             quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
             file.write_bytes(cv2.imencode(".jpg", image, quality)[1].tobytes())
         files.append(file)
@@ -98,13 +94,9 @@ def _calibration(path: Path, frames: ImageFiles | Forward, size: tuple[int, int]
     parts = [part for file in files for part in file.parts if re.fullmatch(r"cam\d", part)]
     camera, distortion = read_calibration(path, parts[-1] if parts else "cam0")
     if camera is None or distortion is None:
-        raise ParameterError(
-            f"undistort {path}: no calibration with radial and tangential distortion"
-        )
+        raise ParameterError(f"{path}: no calibration with radial and tangential distortion")
     if (camera.width, camera.height) != size:
-        raise ParameterError(
-            f"the calibration is for {camera.width}x{camera.height}, the images are "
-            f"{size[0]}x{size[1]}"
-        )
+        whose = f"the calibration is for {camera.width}x{camera.height}"
+        raise ParameterError(f"{whose}, the images are {size[0]}x{size[1]}")
     focal, center = float(camera.focal), tuple(map(float, camera.principal_point))
     return {"focal": focal, "center": center, "distortion": tuple(distortion.tolist())}

@@ -171,15 +171,15 @@ class Table:
             raise FlightError(
                 f"{source}: no row of column {settings.image!r} names an image: name them"
             )
-        stamps, rounded = table.nanoseconds(settings.time, settings.time_unit), []
+        stamps = settings.stamps(table, known := list[str]())
         if 1 < len(different := np.unique(stamps)) < len(stamps) / 2:
             step = int(np.diff(different).min())
             stamps = spread(stamps, step)
-            rounded = [f"{source}: stamps of {step / NANO:g} s, the rows of each spread over it"]
+            known.append(f"{source}: stamps of {step / NANO:g} s, the rows of each spread over it")
         track, said = settings.of(table, stamps)
         files = ImageFiles(tuple(source.parent / name for name in names[pictured]))
         name = f"table {source.name}"
-        return Recording(stamps[pictured], track, files, source=name, said=rounded + said)
+        return Recording(stamps[pictured], track, files, source=name, said=known + said)
 
 
 class Features:
@@ -201,11 +201,12 @@ class Features:
     @staticmethod
     def read(source: Path, settings: Settings) -> Recording:
         """The recording of a table of features, a row a frame."""
-        table = read_table(source)
+        table, known = read_table(source), list[str]()
         stamps = (np.arange(len(table)) * NANO / settings.rate).astype(np.int64)
         if settings.time:
-            stamps = table.nanoseconds(settings.time, settings.time_unit)
+            stamps = settings.stamps(table, known)
         track, said = settings.of(table, stamps)
+        said += known
         used = {"frame", "id", settings.x, settings.y, settings.z, settings.time, settings.yaw}
         used |= set(settings.quaternion.split(","))
         others = [name for name in table.header if _POSES.match(name) and name not in used]

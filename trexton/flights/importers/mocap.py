@@ -1,6 +1,6 @@
 """Exports of motion capture: Motive (OptiTrack), Vicon Tracker and Nexus, Qualisys Track Manager.
 
-`read_motion_capture` finds out which wrote a file and gives the columns of one rigid body as a
+`read_mocap` finds out which wrote a file and gives the columns of one rigid body as a
 table, with what they mean as options of `TrackColumns`.
 """
 
@@ -38,9 +38,7 @@ class _Export(NamedTuple):
     rate: float = 0.0
 
 
-def read_motion_capture(
-    path: Path, body: str
-) -> tuple[TextTable, dict[str, str], list[str]] | None:
+def read_mocap(path: Path, body: str) -> tuple[TextTable, dict[str, str], list[str]] | None:
     """The table of one body, how it is read, and what to know; None where the file is no export.
     `body` may be empty where there is only one; raises `FlightError` where there is no such, or
     several and none is named.
@@ -63,9 +61,8 @@ def read_motion_capture(
         ) from None
     names = [name for name in export.bodies if body in ("", name)]
     if len(names) != 1:
-        raise FlightError(
-            f"{path}: rigid bodies {', '.join(export.bodies) or 'none'}: name one with --body"
-        )
+        bodies = ", ".join(export.bodies) or "none"
+        raise FlightError(f"{path}: rigid bodies {bodies}: name one with --body")
     places = export.bodies[names[0]]
     kept: list[int] = []
     for number, row in enumerate(rows[export.first :], export.first):

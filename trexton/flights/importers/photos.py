@@ -17,22 +17,23 @@ from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.autopilot import read_log
-from trexton.flights.importers.axes import camera_attitude
-from trexton.flights.importers.exif import Shot, missing_zones, read_shot
+from trexton.flights.importers.axes import AXES, attitude_from_quaternions, looks_away
+from trexton.flights.importers.exif import Shot, missing_zones, number_of, read_shot
 from trexton.flights.importers.recording import (
     NANO,
     PoseTrack,
     Recording,
     beside,
     local_metres,
+    on_globe,
     spread,
 )
+from trexton.flights.importers.tracks import metres, next_day
 from trexton.flights.tables import is_number, read_table, time_of
 from trexton.vision.images import natural_order, read_image
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 OTHERS = (".heic", ".heif", ".avif", ".webp", ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw")
-_NEAR = 100 / 6371  # radii of the Earth
 # What columns of a table may be called: by exiftool, Pix4D, Metashape and by hand.
 _COLUMNS = {
     "lat": r"^[xy/ ]*(gps)?[ _]?lat(?!.*ref$)",
@@ -41,6 +42,8 @@ _COLUMNS = {
     "time": r"^time|date.?time",
     "file": r"file|^image|^label|^photo|^name",
 }
+# Two lines an image: id, quaternion w, x, y, z, translation, camera, name; then points.
+_COLMAP = r"(?:#.*\n|\s)*+\d+(?:\s+[-+.e\d]+){7}\s+\d+\s+\S*[A-Za-z]"
 _BAND = re.compile(r"[_-](\d{1,2}|[A-Za-z]{2,6})$")  # ends the names of multispectral bands
 
 
@@ -53,9 +56,7 @@ class Settings(Options):
         "table of file, lat, lon (alt_m, time) instead of EXIF; or a log of an autopilot, "
         "COLMAP's images.txt, OpenSfM's reconstruction.json",
     )
-    ground: float | None = option(
-        None, "altitude of the ground in metres, which makes heights of altitudes"
-    )
+    ground: float | None = option(None, "altitude of the ground in metres, for heights above it")
 
 
 def recognises(source: Path) -> bool:
@@ -65,7 +66,15 @@ def recognises(source: Path) -> bool:
 def _files(source: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
     folder = source / "images" if (source / "images").is_dir() else source
     found = (each for each in folder.glob("[!.]*") if each.suffix.lower() in suffixes)
-    return sorted(filter(Path.is_file, found), key=natural_order)
+    files = sorted(filter(Path.is_file, found), key=natural_order)
+    # Counters begin anew after 9999: what stands behind the gap in their numbers came first.
+    parts = [part for file in files for part in re.findall(r"^(.*?)(\d{4})\D*$", file.stem)]
+    counts = np.array([int(number) for _, number in parts])
+    if len({begin for begin, _ in parts}) != 1 or len(parts) < len(files):
+        return files
+    gap = int(np.diff(counts, prepend=counts[0]).argmax())
+    anew = counts[0] < 100 and counts[-1] > 9900 and counts[gap] - counts[gap - 1] > 5000
+    return files[gap:] + files[:gap] if anew else files
 
 
 def read(source: Path, settings: Settings) -> Recording:
@@ -77,9 +86,9 @@ def read(source: Path, settings: Settings) -> Recording:
     ]
     path = beside(source, settings.positions or "positions.csv")
     named = bool(settings.positions) or path.parent == source and path.is_file()
+    shots = {file: read_shot(file) for file in files}
     if settings.positions and (log := read_log(path)) is not None:
         track, words = log.ordered(str(path))
-        shots = {file: read_shot(file) for file in files}
         words += missing_zones(shots, 0)
         stamps = _stamps(shots)
     elif settings.positions and (posed := _read_reconstruction(path)) is not None:
@@ -87,14 +96,16 @@ def read(source: Path, settings: Settings) -> Recording:
         rows = _by_name(path, names, files)
         known = list(rows)
         words += _left_out(len(files) - len(known))
-        stamps = _stamps({file: read_shot(file) for file in known})
+        stamps = _stamps({file: shots[file] for file in known})
         track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
     else:
-        shots = _from_table(path, files) if named else {file: read_shot(file) for file in files}
+        shots = _from_table(path, shots, said) if named else shots
         known, words = _located(source, path if named else None, files, shots)
         track, words_of_heights = _track([shots[file] for file in known], settings.ground)
         words += words_of_heights + missing_zones({file: shots[file] for file in known}, 1)
         stamps = track.time_ns
+    if track.attitude is not None:
+        words += filter(None, [looks_away(track.attitude, photographs=True)])
     name, frames = f"photographs of {source.name}", ImageFiles(tuple(known))
     return Recording(stamps, track, frames, source=name, said=said + words)
 
@@ -121,28 +132,20 @@ def _located(
     fixed = [file for file in placed if np.abs(places[file]).max() > 1e-6]
     if unfixed := len(placed) - len(fixed):
         said.append(f"photographs without a fix, at 0, 0, left out: {unfixed}")
-    if fixed and not (near := _near([shots[file] for file in fixed])).all():
+    globe = on_globe([places[file] for file in fixed] or [(0, 0)])
+    # One projection serves no places that lie farther away.
+    near = np.linalg.norm(globe - np.median(globe, axis=0), axis=1) < 100
+    if not near.all():
         said.append(f"photographs more than 100 km from the others, left out: {(~near).sum()}")
         fixed = [file for file, each in zip(fixed, near, strict=True) if each]
     if len(fixed) < 3:
         read_image(files[0])  # what cannot be read tells no place
-        by_gps = "by GPS in their EXIF or by a table named with --positions"
-        how = by_gps if table is None else f"by name in {table}"
-        raise FlightError(
-            f"{source}: {len(fixed)} of {len(files)} photographs have a position: expected 3 "
-            f"or more, {how}"
-        )
+        how = f"by name in {table}" if table else "by GPS in EXIF, or a table with --positions"
+        found = f"{len(fixed)} of {len(files)} photographs have a position"
+        raise FlightError(f"{source}: {found}: expected 3 or more, {how}")
     known, bands = _without_bands(fixed, shots)
     # Equal ones stay in order of names.
     return sorted(known, key=lambda file: shots[file].time_ns), said + bands
-
-
-def _near(shots: list[Shot]) -> np.ndarray:
-    """Which places are within some 100 km of where most are: one projection serves no others."""
-    latitude, longitude = np.radians([(shot.latitude, shot.longitude) for shot in shots]).T
-    across = np.cos(latitude) * np.exp(1j * longitude)
-    globe = np.column_stack([across.real, across.imag, np.sin(latitude)])
-    return np.linalg.norm(globe - np.median(globe, axis=0), axis=1) < _NEAR
 
 
 def _track(shots: list[Shot], ground: float | None) -> tuple[PoseTrack, list[str]]:
@@ -183,10 +186,8 @@ def _without_bands(files: list[Path], shots: dict[Path, Shot]) -> tuple[list[Pat
     coloured = SUFFIXES[:2]
     kept = {min(group, key=lambda file: file.suffix.lower() not in coloured) for group in groups}
     chosen = [file for file in files if file in kept]
-    return chosen, [
-        f"{usual} bands of one shutter at one place: kept {chosen[0].name} and its like, left out "
-        f"{len(files) - len(chosen)} files"
-    ]
+    said = f"{usual} bands of one shutter at one place: kept {chosen[0].name} and its like"
+    return chosen, [f"{said}, left out {len(files) - len(chosen)} files"]
 
 
 def _by_name(path: Path, names: list[str], files: list[Path]) -> dict[Path, int]:
@@ -202,34 +203,46 @@ def _by_name(path: Path, names: list[str], files: list[Path]) -> dict[Path, int]
     return found
 
 
-def _from_table(path: Path, files: list[Path]) -> dict[Path, Shot]:
-    table, known = read_table(path), dict[str, list[str]]()
-    for name, cells in table.cells.items():
+def _from_table(path: Path, shots: dict[Path, Shot], said: list[str]) -> dict[Path, Shot]:
+    """The photographs that a table names, at its places; what to know of them is `said`."""
+    table, names = read_table(path), dict[str, str]()
+    for name in table.header:
         what = next((what for what, so in _COLUMNS.items() if re.search(so, name, re.I)), name)
-        known.setdefault(what, [_of_exiftool(cell) for cell in cells])
-    table = replace(table, cells=known)
-    latitude, longitude = table.numbers("lat"), table.numbers("lon")
-    altitude = table.numbers("alt_m") if "alt_m" in table.header else np.nan + latitude
-    taken = table.texts("time") if "time" in table.header else None
-    rows = _by_name(path, table.texts("file"), files)
-    shots = {file: read_shot(file) for file in rows}
-    timed = all(shot.time_ns for shot in shots.values())
-    for file, row in rows.items():
-        place = {"latitude": latitude[row], "longitude": longitude[row], "altitude": altitude[row]}
-        stamp = time_of(path, taken[row]) if taken else shots[file].time_ns if timed else row * NANO
-        zoned = taken is not None or shots[file].zoned
-        shots[file] = replace(shots[file], **place, time_ns=stamp, zoned=zoned)
-    return shots
+        names.setdefault(what, name)
+    cells = {key: list(map(number_of, each)) for key, each in table.cells.items()}
+    table = replace(table, cells=cells)
+    rows = _by_name(path, table.texts(names.get("file", "file")), list(shots))
+    row, known = list(rows.values()), [shots[file] for file in rows]
+    latitude, longitude = (table.numbers(names.get(what, what))[row] for what in ("lat", "lon"))
+    altitude = metres(table, names.get("alt_m", ""), "m", said)[row]
+    places = np.column_stack([latitude, longitude, altitude])
+    stamps = NANO * np.array(row)
+    if timed := "time" in names:
+        taken = [time_of(path, text) for text in table.texts(names["time"])]
+        stamps = next_day(np.array(taken), path, table.rows, said)[row]
+    elif all(shot.time_ns for shot in known):
+        stamps = np.array([shot.time_ns for shot in known])
+    _check_places(path, places[:, :2], known, said)
+    columns = zip(rows, known, places.tolist(), stamps.tolist(), strict=True)
+    return {
+        file: Shot(lat, lon, above, shot.height, shot.attitude, stamp, timed or shot.zoned)
+        for file, shot, (lat, lon, above), stamp in columns
+    }
 
 
-def _of_exiftool(text: str) -> str:
-    """A number of ``52 deg 5' 34.44" N`` or ``12 m Below Sea Level``; other texts as they are."""
-    found = re.fullmatch(r"""([\d.]+) (deg|m)\b(?: ([\d.]+)' ([\d.]+)\")?(.*)""", text.strip())
-    if found is None:
-        return text
-    degrees, _, minutes, seconds, side = found.groups()
-    sign = -1 if side.strip()[:1] in ("S", "W", "B") else 1
-    return str(sign * (float(degrees) + float(minutes or 0) / 60 + float(seconds or 0) / 3600))
+def _check_places(path: Path, place: np.ndarray, shots: list[Shot], said: list[str]) -> None:
+    own = np.array([(shot.latitude, shot.longitude) for shot in shots])
+    known = np.isfinite(own + place).all(axis=1)
+    if not known.any():
+        return
+    apart, exchanged = (
+        np.median(np.linalg.norm(on_globe(each[known]) - on_globe(own[known]), axis=1))
+        for each in (place, place[:, ::-1])
+    )
+    words = f"{path}: its places lie {apart:.4g} km from those in EXIF"
+    if apart > 1 and exchanged < apart / 10:
+        raise FlightError(f"{words}, exchanged {exchanged:.2g} km: exchange lat and lon")
+    said += [f"{words}: are they of these photographs?"] if apart > 1 else []
 
 
 def _stamps(shots: dict[Path, Shot]) -> np.ndarray:
@@ -264,8 +277,7 @@ def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] |
             shifts = [shot["translation"] for shot in shots]
             place = whole.get("reference_lla")
             origin = (float(place["latitude"]), float(place["longitude"])) if place else None
-        elif "IMAGE_ID" in text[:2000] or "QW" in text[:2000]:
-            # Two lines an image: id, quaternion w, x, y, z, translation, camera, name; then points.
+        elif re.match(_COLMAP, text):
             lines = [line.split(maxsplit=9) for line in text.splitlines() if line[:1] != "#"]
             rows = [row for row in lines if row and not is_number(row[-1].split()[-1])]
             turns = [[float(row[place]) for place in (2, 3, 4, 1)] for row in rows]
@@ -277,8 +289,8 @@ def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] |
         centres = -to_world.apply(np.array(shifts, dtype=float))
     except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
         raise FlightError(f"{path}: not a reconstruction that can be read ({error})") from None
-    attitude, said = camera_attitude(to_world.as_quat(), "camera")
+    attitude = attitude_from_quaternions(to_world.as_quat(), AXES["camera"])
     scale = "" if origin else "; its unit and axes are its own, unless it was aligned"
-    said = [f"{path}: {len(names)} poses of a reconstruction{several}{scale}", *said[1:]]
+    said = [f"{path}: {len(names)} poses of a reconstruction{several}{scale}"]
     zero = np.zeros(len(names), dtype=np.int64)
     return names, PoseTrack(zero, centres, attitude, origin), said

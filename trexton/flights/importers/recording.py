@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trexton.base.errors import FlightError, ParameterError
 from trexton.flights.frames import Forward, ImageFiles
@@ -69,9 +70,7 @@ class PoseTrack:
                 "is a thousand times the one before, or a thousandth: give all in one unit"
             )
 
-    def ordered(
-        self, where: str, lines: Sequence[int] | None = None
-    ) -> tuple[PoseTrack, list[str]]:
+    def ordered(self, where: str, lines: Sequence[int] = ()) -> tuple[PoseTrack, list[str]]:
         """The track in order of its stamps, one row a stamp, and what was done for it.
 
         Of rows with one stamp the first with a place is kept; where they lie apart, none is.
@@ -83,7 +82,7 @@ class PoseTrack:
         lines : sequence of int, optional
             The number of each row in it; counted from 1 unless given.
         """
-        lines = range(1, len(self.time_ns) + 1) if lines is None else lines
+        lines = lines or range(1, len(self.time_ns) + 1)
         moved = np.hypot(*np.diff(self.position[:, :2], axis=0).T)
         goes_on = moved <= 3 * np.nanmedian(moved) if np.isfinite(moved).any() else moved < 0
         self._refuse_another_unit(goes_on[2:], where, lines[3:])
@@ -99,10 +98,8 @@ class PoseTrack:
         wrong = np.isin(group, group[against])
         kept = np.isin(np.arange(len(order)), first) & ~wrong
         if not kept.any():
-            raise FlightError(
-                f"{where}: {len(order)} rows of positions, each stamp at several places: name the "
-                "column of the stamps, or count them on"
-            )
+            found = f"{len(order)} rows of positions, each stamp at several places"
+            raise FlightError(f"{where}: {found}: name the column of the stamps")
         said = []
         if back := int((np.diff(self.time_ns) < 0).sum()):
             said.append(f"{where}: {back} rows of positions out of order, sorted by their stamps")
@@ -225,6 +222,13 @@ def beside(folder: Path, name: str) -> Path:
     """A file that a person named: in the source's folder, or else from where they are."""
     inside = folder / name
     return inside if inside.exists() or not Path(name).exists() else Path(name)
+
+
+def on_globe(degrees: ArrayLike) -> np.ndarray:
+    """``(N, 3)`` kilometres from the centre of the Earth, of ``(N, 2)`` latitudes, longitudes."""
+    latitude, longitude = np.radians(degrees).T
+    across = np.cos(latitude) * np.exp(1j * longitude)
+    return 6371 * np.column_stack([across.real, across.imag, np.sin(latitude)])
 
 
 def local_metres(

@@ -16,7 +16,7 @@ from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.importers.autopilot import read_log
 from trexton.flights.importers.axes import MAX_ANGLE, axes_option, camera_attitude
-from trexton.flights.importers.mocap import UNITS, read_motion_capture
+from trexton.flights.importers.mocap import UNITS, read_mocap
 from trexton.flights.importers.recording import PoseTrack
 from trexton.flights.tables import TIMES, TextTable, is_number, read_table
 
@@ -44,11 +44,11 @@ class TrackColumns(Options):
         """
         if self.body:
             raise FlightError(f"{table.path}: no export of motion capture that is known: drop body")
-        if stamps is None:
-            stamps = table.nanoseconds(self.time, self.time_unit)
         said: list[str] = []
+        if stamps is None:
+            stamps = self.stamps(table, said)
         names = (self.x, self.y, self.z)
-        position = np.column_stack([self._metres(table, name, said) for name in names])
+        position = np.column_stack([metres(table, name, self.unit, said) for name in names])
         where, lines = str(table.path), table.rows
         if parts := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
             if sorted(name[-1].lower() for name in parts) == list("wxyz") and "-" not in parts[1]:
@@ -76,16 +76,31 @@ class TrackColumns(Options):
         track, order = PoseTrack(stamps, position, attitude).ordered(where, lines)
         return track, said + order
 
-    def _metres(self, table: TextTable, name: str, said: list[str]) -> np.ndarray:
-        """``(N,)`` metres; unless a unit is given, of that with which the column's name ends."""
-        if not name:
-            return np.full(len(table), np.nan)
-        ending = re.search(r"(?i)[_ (\[](mm|cm|ft|feet)[)\]]?$", name)
-        unit = self.unit
-        if ending and unit == "m":
-            unit = ending[1].lower().replace("feet", "ft")
-            said.append(f"{table.path}: {name} is taken in {unit}, as its name says")
-        return UNITS[unit] * _column(table, name)
+    def stamps(self, table: TextTable, said: list[str]) -> np.ndarray:
+        """``(N,) int64`` nanoseconds, which count on over midnight."""
+        stamps = table.nanoseconds(self.time, self.time_unit)
+        return next_day(stamps, table.path, table.rows, said)
+
+
+def metres(table: TextTable, name: str, unit: str, said: list[str]) -> np.ndarray:
+    """``(N,)`` metres; unless a unit is given, of that with which the column's name ends."""
+    if not name:
+        return np.full(len(table), np.nan)
+    ending = re.search(r"(?i)[_ (\[](mm|cm|ft|feet)[)\]]?$", name)
+    if ending and unit == "m":
+        unit = ending[1].lower().replace("feet", "ft")
+        said.append(f"{table.path}: {name} is taken in {unit}, as its name says")
+    return UNITS[unit] * _column(table, name)
+
+
+def next_day(stamps: np.ndarray, path: Path, rows: Sequence[int], said: list[str]) -> np.ndarray:
+    """``(N,) int64`` stamps: times of day alone that begin anew are counted on, which is `said`."""
+    anew = np.diff(stamps, prepend=stamps[:1]) < -23 * (TIMES["d"] // 24)
+    if not anew.any() or stamps.min() < 0 or stamps.max() >= TIMES["d"]:
+        return stamps
+    row = rows[int(anew.argmax())]
+    said.append(f"{path}, row {row}: times of day begin anew: counted on by 24 hours")
+    return stamps + TIMES["d"] * np.cumsum(anew)
 
 
 TUM = TrackColumns("stamp", "x", "y", "z", quaternion="qx,qy,qz,qw")
@@ -133,7 +148,7 @@ def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]
     """
     if (log := read_log(path)) is not None:
         return log.ordered(str(path))
-    if (captured := read_motion_capture(path, columns.body)) is not None:
+    if (captured := read_mocap(path, columns.body)) is not None:
         table, names, said = captured
         usual = TrackColumns().as_dict()
         asked = {key: given for key in usual if (given := getattr(columns, key)) != usual[key]}

@@ -34,9 +34,7 @@ class Settings(TrackColumns):
         "table of t, x, y beside the video, export of motion capture, or log of an autopilot "
         "(default: DJI's subtitles beside the video)",
     )
-    offset: float | None = option(
-        None, "stamp of the first frame on the table's clock in s, estimated unless given"
-    )
+    offset: float | None = option(None, "the table's clock in s at the first frame (estimated)")
     every: int = option(1, "keep every n-th frame", low=1)
 
 
@@ -63,10 +61,8 @@ def read(source: Path, settings: Settings) -> Recording:
         offset, alike = estimate_offset(stamps, motion, track)
         said = f"time offset {offset:.2f} s, estimated from the motion (correlation {alike:.2f})"
         if alike < _SURE:
-            raise FlightError(
-                f"{source}: {said}: not sure enough, the images do not move as the positions do: "
-                "give it, --offset SECONDS"
-            )
+            advice = "the images do not move as the positions do: give it, --offset SECONDS"
+            raise FlightError(f"{source}: {said}: {advice}")
     if damaged := _damaged(source):
         first = f"number {damaged[0] + 1}, at {stamps[damaged[0]]:.2f} s"
         cut.append(f"{source}: damaged frames, left out: {len(damaged)} (first: {first})")
@@ -91,10 +87,8 @@ def estimate_offset(stamps: np.ndarray, flow: np.ndarray, track: PoseTrack) -> t
     track = track.located()
     time = (track.time_ns - track.time_ns[0]) / NANO
     if len(time) < 10 or time[-1] < 2 or len(stamps) < 10:
-        raise FlightError(
-            f"{len(stamps)} frames and positions over {time[-1]:.1f} s are too few to find the "
-            "time offset: give it, --offset SECONDS"
-        )
+        few = f"{len(stamps)} frames and {time[-1]:.1f} s of positions are too few"
+        raise FlightError(f"{few} to find the time offset: give it, --offset SECONDS")
     stamps = stamps - np.diff(stamps, prepend=stamps[0]) / 2  # in the middle of each motion
     grid, frames = np.arange(time[0], time[-1], _GRID), np.arange(stamps[0], stamps[-1], _GRID)
     path = np.column_stack([np.interp(grid, time, column) for column in track.position[:, :2].T])
@@ -109,8 +103,8 @@ def estimate_offset(stamps: np.ndarray, flow: np.ndarray, track: PoseTrack) -> t
     for row, shift in enumerate(shifts.tolist()):
         low, high = max(0, shift), min(len(speed), shift + len(moved))
         a, b = speed[low:high], moved[low - shift : high - shift]
-        if (spread := a.std() * b.std()) > 0:
-            correlations[row] = ((a - a.mean()) * (b - b.mean())).mean() / spread
+        if a.std() * b.std() > 0:
+            correlations[row] = np.corrcoef(a, b)[0, 1]
     best = int(correlations.argmax())
     if correlations[best] == -1:
         raise FlightError("nothing moves in the images or in the positions: give --offset SECONDS")
