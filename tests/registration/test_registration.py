@@ -18,6 +18,7 @@ from trexton.registration.ground import CoarseMatcher, Ground, fine_cell
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import FloorFix, Trust, learn_trust
 from trexton.simulator.floor import Floor
+from trexton.simulator.sensor import Effects
 from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import MapImage, transform_points
 from trexton.vision.visual_odometry import shrink, shrunken_camera
@@ -271,6 +272,28 @@ def test_a_sight_of_nothing_is_coasted_over_and_then_given_up():
     assert np.hypot(*(fixes[0].position - rows[-1][1][:2])) < 0.1
     assert fixes[-1].lost
     assert fixes[-1].covariance[0, 0] > 0.2
+
+
+def test_over_a_rug_odometry_says_where_until_a_place_is_certain():
+    """Places far away fit better than the true one, whose floor lies under the rug."""
+    picture = Floor.painted("carpet", 4).picture
+    image, rng = picture.image.copy(), np.random.default_rng(4)
+    rows, columns = image.shape[:2]
+    drawn = rng.integers(0, 255, (16, 16, 3)).astype(np.uint8)
+    rug = cv2.resize(drawn, (columns // 4, rows // 4), interpolation=cv2.INTER_NEAREST)
+    image[rows // 3 :, columns // 3 :][: rows // 4, : columns // 4] = rug
+    changed = Floor(MapImage(image, picture.world_from_pixel, picture.mask))
+    room = Simulator(
+        changed, camera=CAMERA, effects=Effects().without("jpeg"), start=(0.8, 2.9), speed=0.6,
+        rng=np.random.default_rng(5),
+    )  # fmt: skip
+    flown = []
+    for _ in range(90):
+        state = room.step(np.array([4.4, 3.0]))
+        flown.append((room.render(), state.position, state.attitude))
+    error, fixes = errors(FloorTracker(picture, CAMERA, 1.0), flown, False)
+    lost = np.array([fix.lost for fix in fixes])
+    assert lost[5:].any() and error[5:].max() < 0.3
 
 
 @pytest.mark.parametrize("known", [True, False])

@@ -93,8 +93,7 @@ class Aligner:
 
     def center(self, pose: np.ndarray) -> np.ndarray:
         """``(2,)`` metres: the floor point that the image centre shows."""
-        at_center = transform_points(self._world(pose), [self.camera.principal_point])
-        return np.asarray(at_center[0])
+        return np.asarray(transform_points(self._world(pose), [self.camera.principal_point])[0])
 
     def _world(self, pose: np.ndarray) -> np.ndarray:
         return self.camera.world_from_pixel(pose[:3], pose[3:])
@@ -173,8 +172,7 @@ def _linearised(
     jacobian[:, :, 2] = -turned[:, :2] / z[:, None]
     sine, cosine = np.sin(pose[5]), np.cos(pose[5])
     # Axes of roll, pitch and yaw; tilt is small, so that roll turns about the forward axis.
-    for column, axis in ((3, (-sine, cosine, 0)), (4, (cosine, sine, 0)), (5, (0, 0, 1))):
-        a, b, c = axis
+    for column, (a, b, c) in enumerate(((-sine, cosine, 0), (cosine, sine, 0), (0, 0, 1)), 3):
         dx, dy, dz = b * z - c * y, c * x - a * z, a * y - b * x
         jacobian[:, 0, column] = -height * (dx - x * dz / z) / z
         jacobian[:, 1, column] = -height * (dy - y * dz / z) / z
@@ -186,8 +184,8 @@ def flattened(image: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
     values = image.astype(np.float32)
     mean = cv2.blur(values, _LOCAL)
     spread = np.sqrt(np.maximum(cv2.blur(values * values, _LOCAL) - mean * mean, 0)) + 4
-    level = cv2.addWeighted(cv2.divide(values - mean, spread), 42, mean, 0, 128)
-    level = cv2.convertScaleAbs(level)
+    contrast = cv2.divide(values - mean, spread)
+    level = cv2.convertScaleAbs(cv2.addWeighted(contrast, 42, mean, 0, 128))
     return level if mask is None else np.where(mask > 0, level, 128).astype(np.uint8)
 
 

@@ -50,11 +50,8 @@ class CellBelief:
             shift = np.array([[1, 0, right], [0, 1, down]], dtype=float)
             moved = cv2.warpAffine(self.mass[index], shift, self.mass.shape[:0:-1])
             self.mass[index] = cv2.GaussianBlur(moved, (0, 0), max(sigma, 0.3)) * self.allowed
-        total = float(self.mass.sum())
-        if total <= 0:
-            self.reset(self.headings)
-            return
-        self.mass *= (1 - _ANYWHERE) / total
+        self.normalize()
+        self.mass *= 1 - _ANYWHERE
         self.mass += (_ANYWHERE / len(self.mass)) * self._even
 
     def support(self, margin: int) -> Window:
@@ -74,16 +71,10 @@ class CellBelief:
         inside = self.mass[(slice(None), *window)] * np.exp(log_likelihood - log_likelihood.max())
         self.mass[:] = 0
         self.mass[(slice(None), *window)] = inside
-        total = float(inside.sum())
-        if total > 0:
-            self.mass /= total
-        else:
-            self.reset(self.headings)
+        self.normalize()
 
     def drop_headings(self, share: float = 1e-4) -> None:
         """Forget headings that hold less than `share` of the belief."""
-        if len(self.headings) == 1:
-            return
         held = self.mass.sum(axis=(1, 2))
         keep = held > share * held.sum()
         self.headings, self.mass = self.headings[keep], self.mass[keep]
@@ -97,16 +88,13 @@ class CellBelief:
         modes: list[tuple[int, int, int, float]] = []
         for _ in range(count):
             row, column = np.unravel_index(int(np.argmax(left)), left.shape)
-            around = (
-                slice(max(0, row - radius), row + radius + 1),
-                slice(max(0, column - radius), column + radius + 1),
-            )
-            held = float(left[around].sum())
+            box = self._box(np.array([column, row]), radius)
+            held = float(left[box[1:]].sum())
             if modes and held < share:
                 break
-            heading = int(np.argmax(self.mass[(slice(None), *around)].sum(axis=(1, 2))))
+            heading = int(np.argmax(self.mass[box].sum(axis=(1, 2))))
             modes.append((heading, int(row), int(column), held))
-            left[around] = 0
+            left[box[1:]] = 0
         return modes
 
     def around(self, place: Array, radius: int) -> float:
@@ -137,9 +125,10 @@ class CellBelief:
         return slice(None), slice(top, min(bottom, height)), slice(left, min(right, width))
 
     def normalize(self) -> None:
-        total = float(self.mass.sum())
-        if total > 0:
+        if (total := float(self.mass.sum())) > 0:
             self.mass /= total
+        else:
+            self.reset(self.headings)
 
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean ``(2,)`` and covariance ``(2, 2)`` in cells (column, row)."""

@@ -75,8 +75,7 @@ class Registration(Filter):
             )
         if not flight.has_images:
             raise MapError(
-                "method fine needs images, and this training set has none: "
-                "train on a flight with images"
+                "method fine needs images, and this flight has none: train on one with images"
             )
         picture, lens = _surroundings(flight)
         camera, height = camera_of(lens)

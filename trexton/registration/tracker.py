@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -23,10 +24,12 @@ _COARSE = 24  # cells that a frame's footprint is wide
 _MARGIN = 3  # cells searched around what is believed
 _CERTAIN = 0.3  # certainty from which odometry alone may carry the position on
 _MODE = 2  # cells around a peak that count as one place
+_NEAR = 6  # cells that odometry may be off where a place in doubt is taken
 _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a frame aligned at
-_HELD = 0.9  # belief from which a place is the place
+_HELD, _ANEW = 0.9, 0.99  # belief from which a place is the place, still or anew
 _PATIENCE = 12  # frames without a sight of the floor after which the last pose is forgotten
 _DRIFT = 0.15  # cells a frame: the error of odometry
+_BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)  # a cell and its neighbours
 _KEPT = 0.9  # of the belief, when the floor is not where it should be
 
 
@@ -129,7 +132,7 @@ class FloorTracker:
         if fix.score < self.trust.least:
             fix = self._coast(fix, moved, seen)
         else:
-            self._remember(fix)
+            fix = self._remember(fix, moved)
             if not fix.lost:
                 self.pose_prior.learn(prior, best)
         self._gone = 0
@@ -144,18 +147,16 @@ class FloorTracker:
         """Move the belief; returns the ``(2,)`` cells (column, row) that the last pose moved by."""
         height, cell = seen.prior.mean[2], self.coarse.ground.cell
         right, up = seen.moved * height / self.camera.focal / cell
-
-        def turned(heading: Array) -> Array:
-            sine, cosine = np.sin(heading), np.cos(heading)
-            return np.stack([cosine * right - sine * up, -sine * right - cosine * up], axis=-1)
-
-        shift = turned(self.belief.headings)
-        last = None if self._last is None else turned(self._last.pose[5])
+        last_heading = 0.0 if self._last is None else self._last.pose[5]
+        headings = np.append(self.belief.headings, last_heading)
+        sine, cosine = np.sin(headings), np.cos(headings)
+        shift = np.stack([cosine * right - sine * up, -sine * right - cosine * up], axis=-1)
+        last = None if self._last is None else shift[-1]
         shift, sigma = self._view.predicted(shift, last, seen.sure, seen.prior.steps)
-        self.belief.move(shift, sigma)
+        self.belief.move(shift[:-1], sigma)
         if self._pose is None and last is not None:
             shift = last[None] * (seen.sure >= _CERTAIN)
-        return np.asarray(shift[0])
+        return np.asarray(shift[-1])
 
     def _weigh(self, seen: Seen, window: Window | None = None) -> None:
         """Multiply the belief by how well the frame fits inside a window, or anywhere."""
@@ -165,6 +166,9 @@ class FloorTracker:
         for heading in self.belief.headings:
             pose = np.array([*seen.prior.mean[:5], heading])
             correlation, overlap = self.coarse.response(seen.frame, pose, window)
+            # Between two cells a fine pattern fits neither.
+            if len(self.belief.headings) > 1 and not self.alone:
+                correlation = cv2.dilate(correlation, _BESIDE)
             fits.append(self.trust.gain(correlation, self.trust.coarse * overlap))
         self.belief.weigh(np.array(fits), window)
         self.belief.drop_headings()
@@ -217,9 +221,11 @@ class FloorTracker:
             place = self.coarse.ground.to_cells(self._view.aimed)
             self.belief.sharpen(place, chosen.place, _MODE)
             if not seen.prior.turned:
-                nearest = int(np.argmin(abs(wrapped(self.belief.headings - best.pose[5]))))
-                self.belief.headings[nearest] = best.pose[5]
-        lost = held < _HELD or best.score < self.trust.least
+                # The others are as far from the grid, and turn with the vehicle as well.
+                apart = wrapped(best.pose[5] - self.belief.headings)
+                self.belief.headings += apart[int(np.argmin(abs(apart)))]
+        anew = not self.alone and (self._last is None or self._last.lost)
+        lost = held < (_ANEW if anew else _HELD) or best.score < self.trust.least
         covariance = self.trust.covariance(best.covariance)
         if lost:
             covariance = self.belief.moments()[1] * self.coarse.ground.cell**2
@@ -230,30 +236,39 @@ class FloorTracker:
     def _coast(self, fix: FloorFix, moved: Array, seen: Seen) -> FloorFix:
         """The floor was not recognized, `fix` is lost: move the last pose on, soon lost."""
         self._missed = min(self._missed + 1, _PATIENCE)
-        cell, last = self.coarse.ground.cell, self._last
-        metres = moved * (1, -1) * cell
+        last = self._last
         if self._pose is None or self._missed == _PATIENCE or last is None:
             if self._pose is not None and not seen.prior.turned:
                 self.belief.reset(ALL_HEADINGS)
             self._pose = self._view.velocity = None
             if last is not None and self._found:
-                fix = replace(fix, pose=np.concatenate([last.pose[:2] + metres, last.pose[2:]]))
+                fix = replace(fix, pose=self._moved_on(last, moved))
             self._last = fix
             return fix
-        self._pose = np.concatenate([self._pose[:2] + metres, self._pose[2:]])
-        self._view.aimed = self._view.aimed + metres
-        wider = last.covariance + (_DRIFT * seen.prior.steps * cell) ** 2 * np.eye(2)
+        self._pose = self._moved_on(last, moved)
+        self._view.aimed = self.aligner.center(self._pose)
+        drift = _DRIFT * seen.prior.steps * self.coarse.ground.cell
+        wider = last.covariance + drift**2 * np.eye(2)
         fix = replace(fix, pose=self._pose, covariance=wider)
         self._last = replace(fix, lost=last.lost or seen.sure < _CERTAIN)
         return self._last
 
-    def _remember(self, fix: FloorFix) -> None:
-        last, self._last = self._pose, fix
+    def _remember(self, fix: FloorFix, moved: Array) -> FloorFix:
+        """The floor was recognized at `fix`; while that is in doubt, odometry says better where."""
         self._view.velocity = None
-        if last is not None and self._missed == 0:
+        if self._pose is not None and self._missed == 0:
             self._view.learn(self._gone + 1)
         self._pose, self._missed = fix.pose, 0
-        self._found = self._found or not fix.lost
+        if fix.lost and self._found and self._last is not None:
+            going = self._moved_on(self._last, moved)
+            if np.hypot(*(fix.pose - going)[:2]) > _NEAR * self.coarse.ground.cell:
+                fix = replace(fix, pose=going)
+        self._last, self._found = fix, self._found or not fix.lost
+        return fix
+
+    def _moved_on(self, last: FloorFix, moved: Array) -> Array:
+        """The pose of the last fix, so many cells on."""
+        return last.pose + np.pad(moved * (1, -1) * self.coarse.ground.cell, (0, 4))
 
     def _without_frame(self) -> FloorFix:
         """On as before, less and less surely; the belief waits for the next frame."""
