@@ -27,8 +27,8 @@ from trexton.base.errors import DataError, TrextonError
 from trexton.base.files import canonical_json, read_bytes, write_file
 
 SCHEMA = 2
-MOST_TEXT = 2**24  # bytes: the longest record of this library has a twelfth
-MOST_LISTS = 2**18  # of lists and sections, which take far more memory than text
+MOST_TEXT = 2**25  # bytes: so much has the report of a flight of 100,000 frames
+MOST_LISTS = 2**20  # of lists and sections, which take far more memory than text
 SECTIONS = ("parameters", "values", "series", "timings", "provenance")
 KINDS: dict[str, type] = {"experiment": str, "flight": str, **dict.fromkeys(SECTIONS, dict)}
 _PACKAGES = ("trexton", "numpy", "scipy", "numba", "opencv-python-headless", "matplotlib", "pandas")

@@ -8,7 +8,7 @@ import numpy as np
 
 from trexton.flights.flight import Flight
 from trexton.flights.importers.axes import MAX_ANGLE
-from trexton.flights.tracking import FEWEST, SMALLEST, Doubt, _longest_chain, count_of, ranges
+from trexton.flights.tracking import FEWEST, SMALLEST, Doubt, count_of, longest_chain, ranges
 
 NOISE = 8.0  # times the usual step: noise does not go so far
 MOST = 0.15  # of the rows: where more jump it is the flight
@@ -50,5 +50,5 @@ def _strays(time: np.ndarray, values: np.ndarray, least: float, fastest: float) 
         return rows[:0]
     steps = np.hypot(*np.diff(values[rows], axis=0).T)
     scale = SMALLEST / max(least, NOISE * float(np.median(steps)))
-    strays = np.delete(rows, _longest_chain(time[rows], scale * values[rows], scale * fastest))
+    strays = np.delete(rows, longest_chain(time[rows], scale * values[rows], scale * fastest))
     return strays[: len(strays) * (len(strays) <= MOST * len(rows))]

@@ -121,7 +121,7 @@ def _parted(
     frozen = _frozen(time, position, top) & ~zero
     kept = np.flatnonzero(~(frozen | zero))
     flown = np.zeros(len(time), dtype=bool)
-    flown[kept[_longest_chain(time[kept], position[kept], JUMP * top)]] = True
+    flown[kept[longest_chain(time[kept], position[kept], JUMP * top)]] = True
     return zero, frozen, flown
 
 
@@ -222,7 +222,7 @@ def _frozen(time: np.ndarray, position: np.ndarray, top: float) -> np.ndarray:
     return result
 
 
-def _longest_chain(time: np.ndarray, position: np.ndarray, fastest: float) -> np.ndarray:
+def longest_chain(time: np.ndarray, position: np.ndarray, fastest: float) -> np.ndarray:
     """The rows of the most positions that follow one another at up to that speed."""
     steps = np.hypot(*np.diff(position, axis=0).T)
     jumps = np.flatnonzero(steps > np.maximum(fastest * np.diff(time), SMALLEST))
