@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     effects = Effects.parse(assignments(arguments.settings, "effect=value"), "a camera")
     if options.floor is None:
         if options.floor_width is not None:
-            raise ParameterError("--floor-width is the width of a floor picture: add --floor")
+            raise ParameterError("--floor-width is given without --floor: add the picture")
         floor = Floor.painted(options.layout, options.floor_seed)
     else:
         check_not_read(arguments.out, options.floor)

@@ -95,7 +95,7 @@ def stretches(time: np.ndarray) -> list[np.ndarray]:
     """
     lasts = float(time[-1] - time[0])
     if lasts < (least := 4 * (WARM_S + 1)):
-        raise MapError(f"the training flight lasts {lasts:.1f} s: record {least:g} s or more")
+        raise MapError(f"{lasts:.1f} s of flight: record a longer one, of at least {least:g} s")
     whole = min(STRETCH_S + WARM_S, lasts / 4)  # two of them leave at least half to learn from
     count = max(2, min(MOST_STRETCHES, int(lasts / (whole - WARM_S))))
     starts = np.linspace(time[0], time[-1] - whole, count)
