@@ -10,6 +10,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from painted_once import once
 from small_room import random_walk
 
 from trexton.flights.flight import Flight
@@ -59,7 +60,7 @@ def room(seed: int = 1, **options) -> Simulator:
     return Simulator(colourful_floor(), camera=CAMERA, rng=np.random.default_rng(seed), **options)
 
 
-@lru_cache
+@once
 def room_map() -> TextonMap:
     """A map of the room, from a survey of 200 frames."""
     import tempfile
@@ -74,7 +75,7 @@ def room_map() -> TextonMap:
     return replace(texton_map, period_s=0.08, parts=texton_map.parts | {"motion": walk})
 
 
-@lru_cache
+@once
 def field_map() -> TextonMap:
     """A map of the room for method ``field``, from a survey at the rate of a live camera."""
     import tempfile

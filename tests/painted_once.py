@@ -1,4 +1,6 @@
-"""Floors that are painted once a run: every process of the tests would paint the same ones anew."""
+"""Floors that are painted once a run, and maps that are trained once: every process of the tests
+would make the same ones anew.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,13 +18,27 @@ import pytest
 from trexton.base.files import write_file
 from trexton.simulator.floor import Floor
 
-__all__ = ["painted_once"]
+__all__ = ["once", "painted_once"]
+
+_folders: list[Path] = []  # of this run; none where no test runs
 
 
 def _kept(path: Path, make: Callable[[], bytes]) -> bytes:
     if not path.exists():
         write_file(path, make())
     return path.read_bytes()
+
+
+def once(make: Callable[[], Any]) -> Callable[[], Any]:
+    """What a function makes, kept beside the floors under its name."""
+
+    def kept() -> Any:
+        if not _folders:
+            return make()
+        place = _folders[-1] / f"{make.__name__}.pickle"
+        return pickle.loads(_kept(place, lambda: pickle.dumps(make())))
+
+    return lru_cache(kept)
 
 
 @contextmanager
@@ -43,4 +60,6 @@ def painted_once(folder: Path) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Floor, "painted", staticmethod(lru_cache(maxsize=2)(painted)))
         patch.setattr(Floor, "png", lru_cache(maxsize=2)(png))
+        _folders.append(folder)
         yield
+    _folders.pop()

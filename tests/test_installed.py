@@ -118,3 +118,4 @@ def test_a_floor_is_judged_by_the_base_installation_alone(tmp_path):
     assert done.returncode == 0 and "expect method field" in done.stdout, done.stderr
     done = subprocess.run([*call, "--out", tmp_path / "out"], capture_output=True, text=True)
     assert done.returncode == 1 and "pip install 'trexton[book]'" in done.stderr
+    assert "coarse flights" not in done.stderr  # said before any

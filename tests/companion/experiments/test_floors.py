@@ -36,10 +36,10 @@ SMALL = VirtualFlights(frames=100, test_frames=30)
 
 @pytest.fixture(scope="module", autouse=True)
 def small_camera():
-    """A quarter of the pixels."""
+    """A seventh of the pixels."""
 
     def smaller(*arguments, camera, **more):
-        return record_flight(*arguments, camera=Camera(320, 240, 260.0), **more)
+        return record_flight(*arguments, camera=Camera(240, 180, 195.0), **more)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(virtual_flights, "record_flight", smaller)

@@ -95,6 +95,8 @@ def _files(folder: Path, floors: Iterable[str]) -> dict[str, Path]:
     """Where the files of each floor go, without their endings. What cannot be written is refused
     before any flight, and to write over a picture or one floor's files over another's.
     """
+    import matplotlib  # noqa: F401 - draws the heat maps: an extra, missed before any flight
+
     pictures = [name for name in floors if Path(name).is_file()]
     files: dict[str, Path] = {}
     for name in floors:

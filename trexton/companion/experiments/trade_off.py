@@ -187,10 +187,8 @@ def stored(record: Record) -> Figure:
     clocks = record.timings["stored"]
     count = [row["stored"] for row in clocks]
     with canvas(size=(6.4, 4.0)) as (figure, [[plot]]):
-        for method, label, color in (
-            ("brute", "every histogram in turn", SERIES[1]),
-            ("tree", "k-d tree", SERIES[0]),
-        ):
+        ways = ("brute", "every histogram in turn", SERIES[1]), ("tree", "k-d tree", SERIES[0])
+        for method, label, color in ways:
             spans = _spans([row[method] for row in clocks], "frequency_hz")
             band(plot, count, *spans, color=color, marker="o", markersize=4.5, label=label)
         plot.set(xlabel="stored histograms", ylabel="rate (Hz)", xscale="log", yscale="log")
