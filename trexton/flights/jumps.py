@@ -13,7 +13,7 @@ from trexton.flights.tracking import FEWEST, SMALLEST, Doubt, count_of, longest_
 NOISE = 8.0  # times the usual step: noise does not go so far
 MOST = 0.15  # of the rows: where more jump it is the flight
 CLIMB, CLIMBS = 0.25, 2.5  # of the usual height, and metres a second, that are no jump
-TURN, TURNS = 0.5, 6.0  # radians, and radians a second
+TURN, TURNS = 0.5, 4.0  # radians, and radians a second
 
 
 def jump_doubts(flight: Flight) -> Iterator[str]:
