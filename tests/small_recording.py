@@ -21,10 +21,10 @@ def recording(folder, frames=24):
     (folder / "groundtruth.txt").write_text("\n".join(track))
 
 
-def film(path: Path, frames: Iterable[np.ndarray], rate: float = 20.0) -> Path:
-    """A video file of JPEGs; `frames` are BGR, of one size."""
+def film(path: Path, frames: Iterable[np.ndarray], rate: float = 20.0, codec="MJPG") -> Path:
+    """A video file, of JPEGs unless another codec is named; `frames` are BGR, of one size."""
     first, *others = frames
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), rate, first.shape[1::-1])
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*codec), rate, first.shape[1::-1])
     for frame in (first, *others):
         writer.write(frame)
     writer.release()

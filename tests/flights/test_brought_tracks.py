@@ -149,6 +149,23 @@ def test_frames_of_a_video_that_are_damaged_are_left_out(tmp_path):
     np.testing.assert_allclose(flight.position, [place(i) for i in range(12) if i != 5], atol=1e-6)
 
 
+@pytest.mark.parametrize("wrong", [0, 10])
+def test_what_a_decoder_fills_is_named(tmp_path, wrong):
+    """Each frame is told by those before: what is damaged goes on, and decoders make it up."""
+    rng = np.random.default_rng(0)
+    floor = cv2.GaussianBlur(rng.integers(0, 255, (400, 500, 3), np.uint8), (0, 0), 3)
+    frames = [np.ascontiguousarray(floor[i : 240 + i, 2 * i : 320 + 2 * i]) for i in range(60)]
+    data = bytearray(film(path := tmp_path / "v.mp4", frames, codec="mp4v").read_bytes())
+    for at in rng.integers(data.find(b"mdat") + 8, int(0.9 * len(data)), wrong):
+        data[at] ^= 0xFF
+    path.write_bytes(data)
+    (tmp_path / "t.csv").write_text("\n".join(["t,x,y", *(f"{i / 20},{i},0" for i in range(60))]))
+    settings = {"positions": "t.csv", "offset": "0"}
+    flight, said = import_flight(path, tmp_path / "out", settings=settings)
+    told = [line for line in said if re.search(r"its decoder tells of \d+ errors", line)]
+    assert len(flight) == 60 and len(told) == bool(wrong)
+
+
 def test_a_log_of_ardupilot(tmp_path):
     (tmp_path / "1.bin").write_bytes(ardupilot_log())
     track, _ = read_track(tmp_path / "1.bin", TrackColumns())

@@ -77,9 +77,8 @@ def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argpar
     for name in [chosen] if chosen in COMMANDS else verbs():
         assert name is not None
         said = help_line(addresses("commands", COMMANDS).get(name, name)).replace("%", "%%")
-        command = commands.add_parser(
-            name, help=said.partition(". ")[0].rstrip("."), description=said[:1].upper() + said[1:]
-        )
+        help_of, whole = said.partition(". ")[0].rstrip("."), said[:1].upper() + said[1:]
+        command = commands.add_parser(name, help=help_of, description=whole)
         command.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
         _add_plugin(command)
         command.set_defaults(words=list(words))

@@ -66,10 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
             raise TrextonError(f"{name}: {count} lines were left out (a full disk?): make room")
     if summary["frames"] and not summary["observed"]:
         faults = ", ".join(f"{name} {count}" for name, count in summary["faults"].items())
-        raise TrextonError(
-            f"not one of {summary['frames']} frames could be localized ({faults}): check --camera, "
-            "and that the map is of such frames"
-        )
+        said = f"not one of {summary['frames']} frames could be localized ({faults})"
+        raise TrextonError(f"{said}: check --camera, and that the map is of such frames")
     return 0
 
 

@@ -150,7 +150,5 @@ def _verdict(assessment: Assessment | None) -> str:
             why = "what it may claim at best is too wide for so small an area"
         return f"{words}. LOST in {lost:.0%} of frames, {why}: record a longer, closer survey"
     honest = "honest" if coverage >= LEAST_COVERAGE else "OVERCONFIDENT, do not steer by it"
-    return (
-        f"{words}, lost in {lost:.0%} of frames.\nThe 90 % region held the true position in "
-        f"{coverage:.0%} of the others: {honest}"
-    )
+    held = f"The 90 % region held the true position in {coverage:.0%} of the others: {honest}"
+    return f"{words}, lost in {lost:.0%} of frames.\n{held}"

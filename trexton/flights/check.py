@@ -63,11 +63,9 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
         found.append(("images", ", ".join(counts) or "none readable"))
     faults, warnings = reading.faults + list(unusable.values()), reading.warnings
     if frozen:
-        warnings.append(
-            f"{path}: {count_of(len(frozen), 'picture')} like the one before to the byte "
-            f"(first: frames.csv, row {frozen[0]}): where the camera was frozen, leave the "
-            "frames out"
-        )
+        said = f"{count_of(len(frozen), 'picture')} like the one before to the byte"
+        said += f" (first: frames.csv, row {frozen[0]})"
+        warnings.append(f"{path}: {said}: where the camera was frozen, leave the frames out")
     if dark > sizes.total() / 2:
         pictures = f"{count_of(dark, 'picture')} of {sizes.total()} darker than {DARK} of 255"
         warnings.append(f"{path}: {pictures}: 12 bits in 16? stretch them, or expose longer")
@@ -109,10 +107,8 @@ def _images(
     whose = "[camera] says" if camera else "most are"
     for row, (file, size) in places.items():
         if size != expected:
-            unusable[row] = (
-                f"frames.csv, row {row}: {file} is {size[0]}x{size[1]} where {whose} "
-                f"{expected[0]}x{expected[1]}: all images of a flight have one size"
-            )
+            odd = f"{file} is {size[0]}x{size[1]} where {whose} {expected[0]}x{expected[1]}"
+            unusable[row] = f"frames.csv, row {row}: {odd}: all images of a flight have one size"
     return sizes, unusable, frozen, dark, first
 
 

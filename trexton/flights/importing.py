@@ -206,10 +206,8 @@ def _without_lost(stamps: np.ndarray, track: PoseTrack) -> tuple[PoseTrack, list
         if sure and len(rows):
             kept[rows] = False
             first = (track.time_ns[rows[0]] - stamps[0]) / NANO
-            said.append(
-                f"{count_of(len(rows), 'position')} {how}, the first at {first:.2f} s: tracking "
-                "was lost there, left out"
-            )
+            lost = f"{count_of(len(rows), 'position')} {how}, the first at {first:.2f} s"
+            said.append(f"{lost}: tracking was lost there, left out")
     return track.rows(kept), said
 
 

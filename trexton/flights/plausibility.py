@@ -204,12 +204,8 @@ def _turning(flight: Flight, first: Sequence[np.ndarray] = ()) -> Iterator[str]:
     if found is None or not found.sure:
         return
     if found.mirrored:
-        yield Doubt(
-            "the pictures turn against the yaw: a yaw that is counted clockwise, or pictures that "
-            "are mirrored? count it anticlockwise, as seen from above",
-            "yaw counted the other way",
-            lambda flight: replace(flight, attitude=np.array((1, 1, -1)) * flight.attitude),
-        )
+        said = "the pictures turn against the yaw: are they mirrored? count it anticlockwise"
+        yield Doubt(said, "yaw counted the other way", _scaled(np.array((1, 1, -1)), "attitude"))
     elif found.noticeable:
         late = f"{abs(found.seconds):.2f} s {'after' if found.seconds > 0 else 'before'}"
         yield f"the pictures turn {late} the yaw does: import again, --offset {found.seconds:.2f}"

@@ -152,10 +152,8 @@ def _overconfidence(texton_map: TextonMap, settings: Settings) -> str:
     held = "no" if coverage is None else f"{coverage:.0%} of"
     words = f"the map's 90 % region held {held} positions of its own flight"
     if landing.arm_landing and not landing.allow_overconfident:
-        raise MapError(
-            f"{settings.map}: {words}, and --arm-landing would land by it: record a closer "
-            "survey, train for method field or fine, or add --allow-overconfident"
-        )
+        advice = "record a closer survey, train field or fine, or add --allow-overconfident"
+        raise MapError(f"{settings.map}: {words}, and --arm-landing would land by it: {advice}")
     return words
 
 

@@ -160,10 +160,8 @@ def _track(shots: list[Shot], ground: float | None) -> tuple[PoseTrack, list[str
     elif np.isfinite(height).any():
         said = ["heights are those above the place of take-off, as XMP tells them"]
     elif np.isfinite(altitude).any():
-        said = [
-            f"altitudes (about {np.nanmedian(altitude):.0f} m) are above the sea, not above the "
-            "floor: heights left out; give --ground METRES, the altitude of the floor"
-        ]
+        sea = f"altitudes (about {np.nanmedian(altitude):.0f} m) are above the sea, not the floor"
+        said = [f"{sea}: heights left out; give --ground METRES, the altitude of the floor"]
     attitude = np.array([shot.attitude for shot in shots], dtype=float)
     stamps = _by_the_second([shot.time_ns for shot in shots])
     known = attitude if np.isfinite(attitude).any() else None

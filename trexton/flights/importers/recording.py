@@ -65,10 +65,9 @@ class PoseTrack:
         power = np.diff(np.log10(np.abs(np.where(self.time_ns, self.time_ns, np.nan))))[2:] / 3
         mixed = (np.abs(power) > 0.9) & (np.abs(power - np.rint(power)) < 0.05) & goes_on
         if mixed.any():
-            raise FlightError(
-                f"{where}, row {lines[int(mixed.argmax())]}: the place goes on, but the stamp "
-                "is a thousand times the one before, or a thousandth: give all in one unit"
-            )
+            found = "the place goes on, but the stamp is a thousand times the one before"
+            row = lines[int(mixed.argmax())]
+            raise FlightError(f"{where}, row {row}: {found}, or a thousandth: give all in one unit")
 
     def ordered(self, where: str, lines: Sequence[int] = ()) -> tuple[PoseTrack, list[str]]:
         """The track in order of its stamps, one row a stamp, and what was done for it.
@@ -243,10 +242,9 @@ def local_metres(
     good = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180)
     if not good.all():
         row = int(np.argmin(good))
-        raise FlightError(
-            f"position {row + 1} is {latitude[row]}, {longitude[row]}: expected degrees of "
-            f"latitude and longitude{' (exchanged?)' * bool(abs(longitude[row]) <= 90)}"
-        )
+        found = f"position {row + 1} is {latitude[row]}, {longitude[row]}"
+        hint = " (exchanged?)" * bool(abs(longitude[row]) <= 90)
+        raise FlightError(f"{found}: expected degrees of latitude and longitude{hint}")
     corner = float(latitude.min()), float(longitude.min())
     plane = Proj(proj="tmerc", lat_0=corner[0], lon_0=corner[1], ellps="WGS84")
     return np.column_stack(plane(longitude, latitude)), corner

@@ -2,6 +2,9 @@
 clocks is given, or found by their motion.
 """
 
+import os
+import re
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +25,8 @@ from trexton.vision.time_offset import small
 SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".m4v", ".webm")
 _GRID, _AROUND = 0.02, 0.3  # seconds between the offsets that are tried, and smoothed over
 _SURE = 0.5  # correlation from which an estimated offset is believed
+# Of JPEGs `_damaged` tells, and their decoder calls what cameras add to them invalid.
+_ERRORS = re.compile(r"(?im)^\[(?!mjpeg).*?\] (.*(?:error|conceal|corrupt|damaged|invalid).*)")
 _WHOLE = 0.98  # of the frames announced: some containers only estimate their number
 
 
@@ -66,6 +71,7 @@ def read(source: Path, settings: Settings) -> Recording:
     if damaged := _damaged(source):
         first = f"number {damaged[0] + 1}, at {stamps[damaged[0]]:.2f} s"
         cut.append(f"{source}: damaged frames, left out: {len(damaged)} (first: {first})")
+    cut += _told(source)
     rows = np.setdiff1d(np.arange(len(stamps)), damaged)[:: settings.every]
     frames = Forward(source, rows, lambda: _stamped(source), lambda item: item[1])
     name, words = f"video {source.name}", [said, *read_so, *cut]
@@ -131,10 +137,8 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
         raise FlightError(f"{source}: {len(stamps)} frames could be decoded: copy it again")
     cut = []
     if len(stamps) < _WHOLE * announced - 1 < 1e9:  # some containers name any number
-        cut = [
-            f"{source}: {len(stamps)} of {announced:.0f} frames could be decoded: the file is "
-            "cut short, or damaged and what follows is stamped too early: copy it again"
-        ]
+        why = "the file is cut short, or damaged and what follows is stamped too early"
+        cut = [f"{source}: {len(stamps)} of {announced:.0f} frames could be decoded: {why}"]
     motion = np.array(moved) / np.maximum(np.diff(stamps, prepend=stamps[0] - 1), 1e-3)
     return stamps - stamps[0], motion, cut
 
@@ -151,6 +155,25 @@ def _damaged(video: Path) -> list[int]:
         while (got := capture.read())[0]:
             damaged.append(damage(got[1].tobytes()) != "")
     return np.flatnonzero(damaged).tolist()
+
+
+def _told(video: Path) -> list[str]:
+    """What the decoder says of damage, which it does on standard error alone, and fills."""
+    with tempfile.TemporaryFile() as stream:
+        kept = os.dup(2)
+        os.dup2(stream.fileno(), 2)
+        try:
+            capture = cv2.VideoCapture(str(video))
+            while capture.grab():
+                pass
+            capture.release()
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+        stream.seek(0)
+        said = _ERRORS.findall(stream.read().decode("latin-1"))
+    words = f"{video}: its decoder tells of {len(said)} errors: frames are made up in part"
+    return [f"{words}: copy it again (first: {said[0]})"] if said else []
 
 
 def _stamped(video: Path) -> Iterator[tuple[float, np.ndarray]]:
