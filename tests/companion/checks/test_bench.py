@@ -23,13 +23,19 @@ from trexton.companion.provenance import machine
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.localizer import Localizer
 from trexton.localization.particle_parts import MaximumAPosteriori
+from trexton.simulator.recording import record_flight
+from trexton.vision.camera import Camera
 from trexton.vision.threads import thread_count
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
-    """Of a short flight."""
-    return Scene(tmp_path_factory.mktemp("bench"), frames=40)
+    """Of a short flight of small images."""
+    scene = Scene(tmp_path_factory.mktemp("bench"), frames=40)
+    scene.flight = record_flight(
+        scene.folder / "flight", frames=40, seed=1, camera=Camera(320, 240, 260.0)
+    )
+    return scene
 
 
 @pytest.fixture(scope="module")
