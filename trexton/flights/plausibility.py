@@ -204,7 +204,7 @@ def _turning(flight: Flight, first: Sequence[np.ndarray] = ()) -> Iterator[str]:
     if found is None or not found.sure:
         return
     if found.mirrored:
-        said = "the pictures turn against the yaw: are they mirrored? count it anticlockwise"
+        said = "the pictures turn against the yaw: counted clockwise, or mirrored? negate it"
         yield Doubt(said, "yaw counted the other way", _scaled(np.array((1, 1, -1)), "attitude"))
     elif found.noticeable:
         late = f"{abs(found.seconds):.2f} s {'after' if found.seconds > 0 else 'before'}"
