@@ -72,8 +72,9 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     if not arguments.out:
         raise ParameterError("name the folder to write with --out, or say --dry-run")
-    how = {"kind": chosen, "settings": settings, "replaced": arguments.replace}
-    flight, remarks = import_flight(source, arguments.out, **how)
+    flight, remarks = import_flight(
+        source, arguments.out, kind=chosen, settings=settings, replaced=arguments.replace
+    )
     seconds = flight.time[-1] - flight.time[0]
     said = f"{len(flight)} frames, {seconds:.1f} s; next: trexton check {arguments.out}"
     say("\n".join([*remarks, f"{arguments.out}: {said}"]))

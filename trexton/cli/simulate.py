@@ -49,7 +49,9 @@ def run(arguments: argparse.Namespace) -> int:
         width = 5.0 if options.floor_width is None else options.floor_width
         floor = Floor.from_file(options.floor, width)
     names = ("pattern", "frames", "every", "seed", "height")
-    flown = {name: getattr(options, name) for name in names} | {"replace": arguments.replace}
-    flight = record_flight(arguments.out, floor=floor, effects=effects, **flown)
+    flown = {name: getattr(options, name) for name in names}
+    flight = record_flight(
+        arguments.out, floor=floor, effects=effects, replace=arguments.replace, **flown
+    )
     say(f"{arguments.out}: {len(flight)} frames, {flight.time[-1] - flight.time[0]:.1f} s")
     return 0

@@ -190,8 +190,8 @@ def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]
     said.append(f"{found}, largest gap between positions used {gap_s:.3f} s")
     step = float(np.median(np.diff(track.time_ns, prepend=track.time_ns[0]))) / NANO
     if count < len(stamps) / 2 and step > 2 * common.tolerance:
-        advice = f"give --tolerance {step / 2:.2g}, or --time-unit"
-        said.append(f"positions come {step:.3g} s apart: {advice}")
+        apart = f"positions come {step:.3g} s apart"
+        said.append(f"{apart}: give --tolerance {step / 2:.2g}, or --time-unit")
     return placed, said
 
 

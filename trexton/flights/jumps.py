@@ -51,4 +51,4 @@ def _strays(time: np.ndarray, values: np.ndarray, least: float, fastest: float) 
     steps = np.hypot(*np.diff(values[rows], axis=0).T)
     scale = SMALLEST / max(least, NOISE * float(np.median(steps)))
     strays = np.delete(rows, longest_chain(time[rows], scale * values[rows], scale * fastest))
-    return strays[: len(strays) * (len(strays) <= MOST * len(rows))]
+    return strays if len(strays) <= MOST * len(rows) else rows[:0]

@@ -108,9 +108,8 @@ def _speed(flight: Flight) -> Iterator[str]:
         # What leaves about a walk in about a room.
         usual = np.array((speed / USUAL[0], extent / USUAL[1]))
         unit, factor = min(_SMALLER, key=lambda each: np.abs(np.log(usual * each[1])).sum())
-        said = (
-            f"the vehicle moves at {speed:.4g} m/s: positions in {unit}? write metres and seconds"
-        )
+        moves = f"the vehicle moves at {speed:.4g} m/s"
+        said = f"{moves}: positions in {unit}? write metres and seconds"
         yield Doubt(said, f"positions and area read as {unit}", _scaled(factor, "position", "area"))
 
 
@@ -166,18 +165,15 @@ def _angles(flight: Flight) -> Iterator[str]:
 
 def _view(flight: Flight) -> Iterator[str]:
     """A camera that does not look down in half of the frames."""
-    photographs = flight.source.startswith("photographs")  # their attitude is the gimbal's
+    photographs = flight.source.startswith(axes.PHOTOGRAPHS)
     if flight.attitude is None or not (doubt := axes.looks_away(flight.attitude, photographs)):
-        return
-    if photographs:
-        yield doubt
         return
     # As the import that wrote them took them; else they are taken for what they should be.
     noted = (note.removeprefix(axes.TAKEN) for note in flight.notes if note.startswith(axes.TAKEN))
     taken = axes.AXES.get(next(noted, ""), axes.AXES["rfu"])
     given = axes.quaternions_from_attitude(flight.attitude, taken)
     words, better = next(axes.readings(given), ("", None))
-    if better is None:
+    if better is None or photographs:
         yield doubt
         return
     # Of a vehicle that does not turn, another order of its numbers looks down by chance.

@@ -3,6 +3,7 @@
 import frontier
 import numpy as np
 import pytest
+from conftest import ROOT
 from small_room import histogram_flight
 
 from trexton.base.errors import DataError
@@ -71,6 +72,11 @@ def test_walks_that_are_not_there_are_said_without_a_path_of_this_machine(monkey
     assert record.values["absent"] and not record.timings
     said = senses.finding(record)
     assert "TREXTON_DATA" in said and "/home" not in said and "Connection" not in said
+
+
+def test_the_notebook_and_the_claim_name_the_same_data():
+    (claim,) = senses.CLAIMS
+    assert f"data: {claim['data']}" in (ROOT / "notebooks" / "senses.md").read_text().splitlines()
 
 
 def test_a_name_hides_no_other_where_there_is_room():

@@ -76,9 +76,9 @@ def _ask(words: list[str], alone: bool, folder: str = "") -> None:
     """Run the command to its end or first number; of runs before, a `folder` may keep something."""
     with (
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as fresh,
-        environment({"TREXTON_CACHE": (folder := folder or fresh)}),
+        environment({"TREXTON_CACHE": folder or fresh}),
     ):
-        command = [sys.executable, "-m", "trexton", *words, "--out", f"{folder}/out"]
+        command = [sys.executable, "-m", "trexton", *words, "--out", f"{folder or fresh}/out"]
         streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
         with subprocess.Popen(command, text=True, **streams) as run:  # type: ignore[call-overload]
             said = []

@@ -14,6 +14,7 @@ LOOKS_DOWN = 30.0  # degrees from straight down, in half of the frames, up to wh
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
 SURELY_DOWN = 15.0  # where another reading of a quaternion must lead to be named
 TAKEN = "quaternions taken as those of axes "  # and a name: what an import says, and notes
+PHOTOGRAPHS = "photographs of"  # begins a source whose attitudes are the gimbal's
 
 # What a quaternion may turn, to the world, z up: right, forward and up of this project's vehicle
 # (`trexton.vision.camera`), as columns in those axes. The likeliest first.

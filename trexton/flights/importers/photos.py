@@ -17,7 +17,7 @@ from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.autopilot import read_log
-from trexton.flights.importers.axes import AXES, attitude_from_quaternions, looks_away
+from trexton.flights.importers.axes import AXES, PHOTOGRAPHS, attitude_from_quaternions, looks_away
 from trexton.flights.importers.exif import Shot, missing_zones, number_of, read_shot
 from trexton.flights.importers.recording import (
     NANO,
@@ -106,7 +106,7 @@ def read(source: Path, settings: Settings) -> Recording:
         stamps = track.time_ns
     if track.attitude is not None:
         words += filter(None, [looks_away(track.attitude, photographs=True)])
-    name, frames = f"photographs of {source.name}", ImageFiles(tuple(known))
+    name, frames = f"{PHOTOGRAPHS} {source.name}", ImageFiles(tuple(known))
     return Recording(stamps, track, frames, source=name, said=said + words)
 
 

@@ -78,8 +78,7 @@ class TrackColumns(Options):
 
     def stamps(self, table: TextTable, said: list[str]) -> np.ndarray:
         """``(N,) int64`` nanoseconds, which count on over midnight."""
-        stamps = table.nanoseconds(self.time, self.time_unit)
-        return next_day(stamps, table.path, table.rows, said)
+        return next_day(table.nanoseconds(self.time, self.time_unit), table.path, table.rows, said)
 
 
 def metres(table: TextTable, name: str, unit: str, said: list[str]) -> np.ndarray:

@@ -6,6 +6,7 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -71,7 +72,6 @@ def read(source: Path, settings: Settings) -> Recording:
     if damaged := _damaged(source):
         first = f"number {damaged[0] + 1}, at {stamps[damaged[0]]:.2f} s"
         cut.append(f"{source}: damaged frames, left out: {len(damaged)} (first: {first})")
-    cut += _told(source)
     rows = np.setdiff1d(np.arange(len(stamps)), damaged)[:: settings.every]
     frames = Forward(source, rows, lambda: _stamped(source), lambda item: item[1])
     name, words = f"video {source.name}", [said, *read_so, *cut]
@@ -119,19 +119,20 @@ def estimate_offset(stamps: np.ndarray, flow: np.ndarray, track: PoseTrack) -> t
 
 
 def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Stamps of all frames in seconds from the first, how fast the image moves before each, and a
-    sentence where the file announces more frames.
+    """Stamps of all frames in seconds from the first, how fast the image moves before each, and
+    sentences where the file announces more frames, or its decoder tells of damage.
     """
     seen: list[float] = []
     moved: list[float] = []
     announced = cv2.VideoCapture(str(source)).get(cv2.CAP_PROP_FRAME_COUNT)
     before = None
-    for stamp, frame in progress(_stamped(source), "video"):
-        luma = small(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., None]).astype(np.float32)
-        across, down = (0.0, 0.0) if before is None else cv2.phaseCorrelate(before, luma)[0]
-        seen.append(stamp)
-        moved.append(float(np.hypot(across, down)))
-        before = luma
+    with _told() as errors:
+        for stamp, frame in progress(_stamped(source), "video"):
+            luma = small(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., None]).astype(np.float32)
+            across, down = (0.0, 0.0) if before is None else cv2.phaseCorrelate(before, luma)[0]
+            seen.append(stamp)
+            moved.append(float(np.hypot(across, down)))
+            before = luma
     stamps = np.array(seen)
     if len(stamps) < 3:
         raise FlightError(f"{source}: {len(stamps)} frames could be decoded: copy it again")
@@ -139,6 +140,9 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     if len(stamps) < _WHOLE * announced - 1 < 1e9:  # some containers name any number
         why = "the file is cut short, or damaged and what follows is stamped too early"
         cut = [f"{source}: {len(stamps)} of {announced:.0f} frames could be decoded: {why}"]
+    if errors:
+        words = f"{source}: its decoder tells of {len(errors)} errors: frames are made up in part"
+        cut.append(f"{words}: copy it again (first: {errors[0]})")
     motion = np.array(moved) / np.maximum(np.diff(stamps, prepend=stamps[0] - 1), 1e-3)
     return stamps - stamps[0], motion, cut
 
@@ -157,23 +161,19 @@ def _damaged(video: Path) -> list[int]:
     return np.flatnonzero(damaged).tolist()
 
 
-def _told(video: Path) -> list[str]:
-    """What the decoder says of damage, which it does on standard error alone, and fills."""
-    with tempfile.TemporaryFile() as stream:
-        kept = os.dup(2)
+@contextmanager
+def _told() -> Iterator[list[str]]:
+    """What decoders say of damage meanwhile, which they do on standard error alone, and fill."""
+    errors: list[str] = []
+    with tempfile.TemporaryFile() as stream, os.fdopen(os.dup(2), "w") as kept:
         os.dup2(stream.fileno(), 2)
         try:
-            capture = cv2.VideoCapture(str(video))
-            while capture.grab():
-                pass
-            capture.release()
+            with redirect_stderr(kept):
+                yield errors
         finally:
-            os.dup2(kept, 2)
-            os.close(kept)
+            os.dup2(kept.fileno(), 2)
         stream.seek(0)
-        said = _ERRORS.findall(stream.read().decode("latin-1"))
-    words = f"{video}: its decoder tells of {len(said)} errors: frames are made up in part"
-    return [f"{words}: copy it again (first: {said[0]})"] if said else []
+        errors += _ERRORS.findall(stream.read().decode("latin-1"))
 
 
 def _stamped(video: Path) -> Iterator[tuple[float, np.ndarray]]:
