@@ -115,3 +115,18 @@ def test_latitudes_that_are_longitudes_are_named(tmp_path):
     (source / "positions.csv").write_text("\n".join(["file,lat,lon", *rows]))
     with pytest.raises(TrextonError, match=r"151.0, -33.0: .* latitude and longitude \(exchanged"):
         preview_import(source)
+
+
+def test_rows_of_photographs_that_are_not_there_are_said_and_left_out(tmp_path):
+    """A table of the whole day, one of whose other rows nobody can read."""
+    source = photos(tmp_path / "p")
+    table(source, "file,lat,lon,time", "{name},{lat},8,2024-05-01T10:00:0{i}")
+    path = source / "positions.csv"
+    path.write_text(path.read_text() + "\ngone.jpg,none,8,yesterday\nlost.jpg,47,8,\n")
+    flight, said = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(flight.position[:, 1], 1.112 * np.arange(6), atol=1e-2)
+    np.testing.assert_allclose(flight.time, np.arange(6))
+    assert f"{path}: rows whose photograph is not there, left out: 2" in said
+    path.write_text(path.read_text().replace("2024-05-01T10:00:02", "yesterday"))
+    with pytest.raises(FlightError, match=r"positions.csv, row 4: 'yesterday' is no time"):
+        import_flight(source, tmp_path / "again")

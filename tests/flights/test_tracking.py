@@ -142,3 +142,16 @@ def test_lost_rows_are_no_speed():
     )  # fmt: skip
     (only,) = warnings(flight)
     assert "40 positions lie where none can be flown to" in only
+
+
+@pytest.mark.parametrize("drop", [5, 15, 30])
+@pytest.mark.parametrize("rows", [slice(390, 400), slice(400, 410)])
+def test_rows_of_another_place_beside_a_dropout_are_named_and_no_others(drop, rows):
+    """Over the dropout any place can be flown to: they must not stand for all that follows."""
+    for seed, kind in enumerate(["circle", "lanes with noise", "waypoints", "rover", "outdoors"]):
+        flight = sound(kind, seed, 900)
+        kept = np.abs(flight.time - flight.time[400] - drop / 2) >= drop / 2 - 1e-6
+        time, place = flight.time[kept], flight.position[kept]
+        place[rows] = place.max(axis=0) + 2 * np.ptp(place, axis=0)
+        found = np.concatenate([rows for _, rows, _ in lost_rows(time, place)])
+        np.testing.assert_array_equal(found, np.arange(rows.start, rows.stop))

@@ -21,6 +21,7 @@ LONGEST = 0.3  # of the rows: where more seem lost it is the flight that jumps
 NEAR = 0.25  # of how far rows lie away: so near the way goes on where they are lost
 MANY, AROUND = 0.4, 15  # of the rows, where each is lost for itself; rows that show the others
 SMALLEST = 0.05  # metres: what is nearer is noise
+GAP = 5.0  # times the usual time between rows, from where both sides are judged for themselves
 MOST_PIECES = 1000  # between jumps, back to which a way is looked for
 SET_BACK = "was a clock set back?"  # in what is said of one, for the check to find
 MOST_BACK = 3  # times that a clock is set back: more are rows out of order
@@ -76,9 +77,8 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
             place = position @ (1, 1j)  # where it was between those it can have flown
             between = np.interp(time[chosen], time[flown], place[flown])
             apart = np.abs(place[chosen] - between).max()
-            found.append(
-                (f"{how}, up to {apart:.4g} m from those before and after", rows[chosen], True)
-            )
+            said = f"{how}, up to {apart:.4g} m from those before and after"
+            found.append((said, rows[chosen], True))
     if frozen.any():
         how = "at one place to the last digit while the vehicle flew on"
         found.append((how, rows[frozen], True))
@@ -147,8 +147,7 @@ def _slow_top_speed(time: np.ndarray, position: np.ndarray) -> float:
         return np.inf
     speeds = np.full(len(time), np.inf)
     for apart in range(1, WINDOW):
-        moved = np.hypot(*(position[apart:] - position[:-apart]).T)
-        speed = moved / (time[apart:] - time[:-apart])
+        speed = _speeds(time, position, apart)
         speeds[apart:] = np.minimum(speeds[apart:], speed)
         speeds[:-apart] = np.minimum(speeds[:-apart], speed)
     around = np.lib.stride_tricks.sliding_window_view(speeds, AROUND)
@@ -173,8 +172,9 @@ def _top_speed(time: np.ndarray, position: np.ndarray) -> float:
     return max(noise, float(np.quantile(_medians(speeds, min(WINDOW, len(speeds))), 0.95)))
 
 
-def _speeds(time: np.ndarray, position: np.ndarray) -> np.ndarray:
-    return np.asarray(np.hypot(*np.diff(position, axis=0).T) / np.diff(time))
+def _speeds(time: np.ndarray, position: np.ndarray, apart: int = 1) -> np.ndarray:
+    moved = np.hypot(*(position[apart:] - position[:-apart]).T)
+    return np.asarray(moved / (time[apart:] - time[:-apart]))
 
 
 def _medians(values: np.ndarray, width: int) -> np.ndarray:
@@ -225,11 +225,13 @@ def _frozen(time: np.ndarray, position: np.ndarray, top: float) -> np.ndarray:
 def longest_chain(time: np.ndarray, position: np.ndarray, fastest: float) -> np.ndarray:
     """The rows of the most positions that follow one another at up to that speed."""
     steps = np.hypot(*np.diff(position, axis=0).T)
-    jumps = np.flatnonzero(steps > np.maximum(fastest * np.diff(time), SMALLEST))
-    if not len(jumps):
+    gaps = np.diff(time)
+    jumps = steps > np.maximum(fastest * gaps, SMALLEST)
+    if not jumps.any():
         return np.arange(len(time))
-    first = np.concatenate([[0], jumps + 1])
-    last = np.concatenate([jumps, [len(time) - 1]])
+    parted = jumps | (gaps > GAP * np.median(gaps))  # over a long gap nothing is a jump
+    edges = np.flatnonzero(np.pad(parted, 1, constant_values=True))
+    first, last = edges[:-1], edges[1:] - 1
     size = last - first + 1
     total, before = size.copy(), np.full(len(first), -1)
     for piece in range(1, len(first)):
@@ -237,7 +239,6 @@ def longest_chain(time: np.ndarray, position: np.ndarray, fastest: float) -> np.
         earlier = last[since:piece]
         apart = np.hypot(*(position[first[piece]] - position[earlier]).T)
         near = apart <= np.maximum(fastest * (time[first[piece]] - time[earlier]), SMALLEST)
-        near[-1] = False  # there it jumped
         if near.any():
             best = since + int(np.where(near, total[since:piece], 0).argmax())
             total[piece], before[piece] = total[best] + size[piece], best

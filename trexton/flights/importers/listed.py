@@ -98,8 +98,7 @@ class Tum:
         names = (settings.images,) if settings.images else _LISTS
         listed = _list(source, names)
         if listed is None:
-            named = ", ".join(names)
-            raise FlightError(f"{source}: no list of images ({named}): name it with --images")
+            raise FlightError(f"{source}: none of {', '.join(names)}: name a list with --images")
         table, path = _read_list(listed), source / settings.trajectory
         poses = read_table(path, trajectory_names(path, settings.quaternion))
         columns = replace(TUM, axes=settings.axes, time_unit=_unit(poses))

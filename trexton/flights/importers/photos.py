@@ -95,7 +95,7 @@ def read(source: Path, settings: Settings) -> Recording:
         names, poses, words = posed
         rows = _by_name(path, names, files)
         known = list(rows)
-        words += _left_out(len(files) - len(known))
+        words += _left_out("photographs without a position", len(files) - len(known))
         stamps = _stamps({file: shots[file] for file in known})
         track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
     else:
@@ -110,8 +110,8 @@ def read(source: Path, settings: Settings) -> Recording:
     return Recording(stamps, track, frames, source=name, said=said + words)
 
 
-def _left_out(count: int) -> list[str]:
-    return [f"photographs without a position, left out: {count}"] * bool(count)
+def _left_out(what: str, count: int) -> list[str]:
+    return [f"{what}, left out: {count}"] * (count > 0)
 
 
 def _located(
@@ -123,21 +123,19 @@ def _located(
     places = {file: (shot.latitude, shot.longitude) for file, shot in shots.items()}
     placed = [file for file in files if np.isfinite(places.get(file, np.nan)).all()]
     dated = [file for file in placed if table or shots[file].time_ns]
-    said = _left_out(len(files) - len(placed))
+    said = _left_out("photographs without a position", len(files) - len(placed))
     if placed and not dated:
         said.append("photographs without a time: taken as one a second, by their names")
     elif undated := len(placed) - len(dated):
         said.append(f"photographs without a time that can be read, left out: {undated}")
         placed = dated
     fixed = [file for file in placed if np.abs(places[file]).max() > 1e-6]
-    if unfixed := len(placed) - len(fixed):
-        said.append(f"photographs without a fix, at 0, 0, left out: {unfixed}")
+    said += _left_out("photographs without a fix, at 0, 0", len(placed) - len(fixed))
     globe = on_globe([places[file] for file in fixed] or [(0, 0)])
     # One projection serves no places that lie farther away.
     near = np.linalg.norm(globe - np.median(globe, axis=0), axis=1) < 100
-    if not near.all():
-        said.append(f"photographs more than 100 km from the others, left out: {(~near).sum()}")
-        fixed = [file for file, each in zip(fixed, near, strict=True) if each]
+    said += _left_out("photographs more than 100 km from the others", int((~near).sum()))
+    fixed = [file for file, each in zip(fixed, near, strict=False) if each]
     if len(fixed) < 3:
         read_image(files[0])  # what cannot be read tells no place
         how = f"by name in {table}" if table else "by GPS in EXIF, or a table with --positions"
@@ -207,17 +205,20 @@ def _from_table(path: Path, shots: dict[Path, Shot], said: list[str]) -> dict[Pa
     for name in table.header:
         what = next((what for what, so in _COLUMNS.items() if re.search(so, name, re.I)), name)
         names.setdefault(what, name)
-    cells = {key: list(map(number_of, each)) for key, each in table.cells.items()}
-    table = replace(table, cells=cells)
-    rows = _by_name(path, table.texts(names.get("file", "file")), list(shots))
+    found = _by_name(path, table.texts(names.get("file", "file")), list(shots))
+    rows = dict(sorted(found.items(), key=lambda each: each[1]))
+    said += _left_out(f"{path}: rows whose photograph is not there", len(table) - len(rows))
     row, known = list(rows.values()), [shots[file] for file in rows]
-    latitude, longitude = (table.numbers(names.get(what, what))[row] for what in ("lat", "lon"))
-    altitude = metres(table, names.get("alt_m", ""), "m", said)[row]
+    cells = {key: [number_of(each[place]) for place in row] for key, each in table.cells.items()}
+    table = replace(table, cells=cells, rows=[table.rows[place] for place in row])
+    latitude, longitude = (table.numbers(names.get(what, what)) for what in ("lat", "lon"))
+    altitude = metres(table, names.get("alt_m", ""), "m", said)
     places = np.column_stack([latitude, longitude, altitude])
     stamps = NANO * np.array(row)
     if timed := "time" in names:
-        taken = [time_of(path, text) for text in table.texts(names["time"])]
-        stamps = next_day(np.array(taken), path, table.rows, said)[row]
+        written = zip(table.rows, table.texts(names["time"]), strict=True)
+        taken = [time_of(f"{path}, row {number}", text) for number, text in written]
+        stamps = next_day(np.array(taken), path, table.rows, said)
     elif all(shot.time_ns for shot in known):
         stamps = np.array([shot.time_ns for shot in known])
     _check_places(path, places[:, :2], known, said)
