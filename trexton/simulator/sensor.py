@@ -27,34 +27,16 @@ _HALF_NOISE = _int(1 << (2 * _NOISE - 1))
 class Effects(Options):
     """Strength of each effect, 0 for off; the defaults are those of a small quadrotor indoors."""
 
-    roll_pitch: float = option(
-        1.0, "share of the vehicle's tilt that the camera sees; 0 is kept level", low=0, high=1
-    )
-    yaw: float = option(0.03, "standard deviation of the heading in radians", low=0, high=0.5)
-    height_ripple: float = option(
-        0.03, "standard deviation of the height in metres", low=0, high=0.2
-    )
-    motion_blur: float = option(
-        0.010, "exposure time in seconds, over which the true motion smears", low=0, high=0.04
-    )
-    rolling_shutter: float = option(
-        0.025, "seconds between the readout of the first and of the last row", low=0, high=0.08
-    )
-    exposure: float = option(
-        0.02, "deviation of the slow changes of the camera's gain, as a share", low=0, high=0.3
-    )
-    vignetting: float = option(
-        0.25, "share of the light that is lost in the corners", low=0, high=0.9
-    )
-    noise: float = option(
-        2.5, "deviation of the sensor's noise at mid grey, in grey levels", low=0, high=25
-    )
-    chroma_subsampling: float = option(
-        1.0, "1: two pixels in a row share U and V (4:2:2), as a camera delivers", low=0, high=1
-    )
-    jpeg: float = option(
-        92.0, "quality of the JPEG files, 1 to 100; off, files are lossless PNG", low=0, high=100
-    )
+    roll_pitch: float = option(1.0, "share of the tilt that the camera sees", low=0, high=1)
+    yaw: float = option(0.03, "deviation of the heading in radians", low=0, high=0.5)
+    height_ripple: float = option(0.03, "deviation of the height in metres", low=0, high=0.2)
+    motion_blur: float = option(0.010, "exposure in seconds: motion smears", low=0, high=0.04)
+    rolling_shutter: float = option(0.025, "seconds from first to last row", low=0, high=0.08)
+    exposure: float = option(0.02, "deviation of slow changes of gain (share)", low=0, high=0.3)
+    vignetting: float = option(0.25, "share of light lost in the corners", low=0, high=0.9)
+    noise: float = option(2.5, "deviation of noise at mid grey, in grey levels", low=0, high=25)
+    chroma_subsampling: float = option(1.0, "1: two pixels share U and V (4:2:2)", low=0, high=1)
+    jpeg: float = option(92.0, "quality of JPEG files; off: lossless PNG", low=0, high=100)
 
     def without(self, *names: str) -> Effects:
         """These effects switched off, the others as they are."""

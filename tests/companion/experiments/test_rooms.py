@@ -28,7 +28,7 @@ def record(flight):
 
 def test_every_change_is_flown_by_every_method(record):
     changes = record.values["changes"]
-    assert set(changes) == set(rooms.CHANGES)
+    assert set(changes) - {"left"} == set(rooms.CHANGES)
     for found in changes.values():
         assert set(found) == set(rooms.METHODS)
         for each in found.values():
@@ -41,7 +41,7 @@ def test_finding_tables_and_figure_say_what_the_record_holds(record):
     still = record.values["changes"]["none"]["field"]["error_cm"]
     assert distance(still) in rooms.finding(record)
     table = rooms.table(record, "field")
-    assert table["mean error"][0] == distance(still) and len(table) == len(rooms.CHANGES)
+    assert table["mean error"][0] == distance(still) and len(table) == len(record.values["changes"])
     line = rooms.errors(record).axes[0].containers[rooms.METHODS.index("field")][0]
     assert still["value"] in np.asarray(line.get_xdata(), float)
 
@@ -55,6 +55,11 @@ def test_a_shadow_and_a_rug_change_their_part_of_the_floor_only():
     np.testing.assert_allclose(shaded[:, :half], rooms.SHADE * before[:, :half], atol=1)
     laid = (rooms.changed_floor(floor, rooms.CHANGES["rug"]).picture.image != before).any(axis=2)
     assert laid.mean() == pytest.approx(rooms.RUG_SHARE, abs=0.01)
+
+
+def test_a_frame_counts_as_after_the_rug_two_seconds_after_it_left_the_view():
+    shown = np.array([0, 1, 0, 0, 1, 0, 0, 0], bool)
+    np.testing.assert_array_equal(np.flatnonzero(rooms._left(shown, np.arange(8.0))), [3, 6, 7])
 
 
 def test_a_flight_without_a_floor_is_refused(flight):

@@ -3,7 +3,7 @@ over several.
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -58,14 +58,14 @@ class FloorParameters(SeedParameters):
 
 
 def mean_over_floors(
-    rows: np.ndarray, rng: np.random.Generator, lowest: float = 0.0
+    rows: Sequence[np.ndarray] | np.ndarray, rng: np.random.Generator, lowest: float = 0.0
 ) -> Mapping[str, float | None]:
-    """Mean of ``(F, N)`` values with its 95 % interval over floors, as records hold it; over one
-    floor, that over stretches of its flight.
+    """Mean of ``(N,)`` values of each of F floors with its 95 % interval over floors, as records
+    hold it; over one floor, that over stretches of its flight.
     """
     if len(rows) == 1:
-        return mean_with_interval(rows, rng)
-    return mean_over_groups(rows.mean(axis=1), lowest)
+        return mean_with_interval(np.stack(list(rows)), rng)
+    return mean_over_groups([row.mean() for row in rows], lowest)
 
 
 def named_floor(name: str) -> Floor:

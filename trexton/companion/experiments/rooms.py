@@ -9,6 +9,7 @@ heading and height as limits (Discussion).
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
+from zlib import crc32
 
 import cv2
 import numpy as np
@@ -39,6 +40,7 @@ METHODS = ("paper", "field", "fine")
 WRONG_M = 0.3
 SHADE, RUG_SHARE, RUG_TILE = 0.65, 0.1, 0.05  # gain, share of the floor, metres
 SPEED = 0.6  # metres a second
+SETTLED_S = 2.0  # since a rug left the view
 # Of each frame of one flight by one method: its error in metres, whether it was called lost, and
 # whether the region that should hold 90 % held the truth.
 _Flown = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -81,6 +83,8 @@ CHANGES = {
     "slow": Change("5 frames a second", rate=0.4),
     "rug": Change("a rug over a tenth of the floor", rug=True),
 }
+_WORDS = {name: change.words for name, change in CHANGES.items()}
+_WORDS["left"] = "of these, from 2 s after the rug left the view"
 
 
 @dataclass(frozen=True)
@@ -101,9 +105,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
     def summary(change: str, method: str) -> dict[str, Any]:
         flown = (over[change][method] for over in floors)
-        errors, lost, held = (np.stack(each) for each in zip(*flown, strict=True))
+        by_floor, *shares = zip(*flown, strict=True)
+        errors, lost, held = (np.concatenate(each) for each in (by_floor, *shares))
         return {
-            "error_cm": mean_over_floors(100 * errors, rng),
+            "error_cm": mean_over_floors([100 * each for each in by_floor], rng),
             "wrong": float(((errors > WRONG_M) & ~lost).mean()),
             "lost": float(lost.mean()),
             "held": float(held.mean()),
@@ -111,7 +116,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
     changes = {
         change: {method: summary(change, method) for method in floors[0][change]}
-        for change in CHANGES
+        for change in _WORDS
+        if all(change in over for over in floors)
     }
     values = {"changes": changes, "floors": len(floors), "frames": parameters.frames}
     return parameters.record(train, values=values)
@@ -130,16 +136,32 @@ def _over(
             for method in METHODS
         }
     found: dict[str, dict[str, _Flown]] = {}
+    surveyed: list[int] = []
     for name, change in CHANGES.items():
         frames, times, truth, aiding = _flight(
             parameters.frames, seed, floor, camera, height, change
         )
+        pictures = [crc32(frame.tobytes()) for frame in frames]
+        surveyed = surveyed or pictures
         found[name] = {}
         for method, texton_map in maps.items():
             localizer = Localizer(texton_map, rng=stream(seed, "flight"))
             track = fly(localizer, frames, aiding=aiding, times=times)
             found[name][method] = (track.errors(truth), track.lost, track.held(truth))
+        if change.rug:  # in view where a frame is other than over the floor as surveyed
+            left = _left(np.not_equal(surveyed, pictures), times)
+            if left.any():
+                found["left"] = {
+                    method: (errors[left], lost[left], held[left])
+                    for method, (errors, lost, held) in found[name].items()
+                }
     return found
+
+
+def _left(shown: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """``(N,)`` whether a rug, `shown` in ``(N,)`` frames, left the view `SETTLED_S` ago or more."""
+    since = times - np.maximum.accumulate(np.where(shown, times, -np.inf))
+    return np.isfinite(since) & (since >= SETTLED_S)
 
 
 def _flight(
@@ -205,20 +227,15 @@ def finding(record: Record) -> str:
 def errors(record: Record) -> Figure:
     """Mean error of each method with its interval, a row for each change."""
     changes = record.values["changes"]
-    return errors_by_row(
-        {name: change.words for name, change in CHANGES.items()},
-        {
-            method: {name: each[method]["error_cm"] for name, each in changes.items()}
-            for method in METHODS
-        },
-    )
+    flown = {m: {name: changes[name][m]["error_cm"] for name in CHANGES} for m in METHODS}
+    return errors_by_row({name: _WORDS[name] for name in CHANGES}, flown)
 
 
 def table(record: Record, method: str) -> pd.DataFrame:
     """Of one method: its mean error, frames that are wrong and not called lost, lost ones, and what
     regions hold, a row for each change.
     """
-    rows = [(each.words, record.values["changes"][name][method]) for name, each in CHANGES.items()]
+    rows = [(_WORDS[name], each[method]) for name, each in record.values["changes"].items()]
     return pd.DataFrame(
         [
             {
