@@ -137,9 +137,26 @@ def _turn(path: Path) -> Iterator[None]:
             import fcntl  # which not every system has
 
             path.parent.mkdir(parents=True, exist_ok=True)
-            lock = path.with_suffix(".lock")
-            fcntl.flock(held.enter_context(open(lock, "w")), fcntl.LOCK_EX)
-            held.callback(lock.unlink, missing_ok=True)
+            for left in path.parent.glob(f"*-{'[0-9a-f]' * 24}.lock"):  # by killed runs
+                with suppress(OSError), _locked(left, fcntl.LOCK_EX | fcntl.LOCK_NB):
+                    pass
+            held.enter_context(_locked(path.with_suffix(".lock"), fcntl.LOCK_EX))
+        yield
+
+
+@contextmanager
+def _locked(lock: Path, how: int) -> Iterator[None]:
+    """Hold the lock of the file that stands there, which nobody else may remove."""
+    from fcntl import flock
+
+    ours = False
+    with ExitStack() as held:
+        while not ours:
+            stream = held.enter_context(open(lock, "w"))
+            flock(stream, how)
+            with suppress(FileNotFoundError):  # removed, or another's, since it was opened
+                ours = os.path.samefile(stream.fileno(), lock)
+        held.callback(lock.unlink, missing_ok=True)
         yield
 
 

@@ -86,9 +86,11 @@ def load_folder(path: Path, repaired: list[str] | None = None) -> Reading:
         return reading
     header, reading.faults = read_header(path / "flight.toml")
     declared = header or {}
-    table = _read(path / "frames.csv", reading)
-    columns = _columns(table, reading) if table else None
-    if table is None or columns is None:
+    try:
+        table = read_table(path / "frames.csv")
+        columns = _columns(table, reading)
+    except FlightError as error:
+        reading.faults.append(str(error))
         return reading
     listed, order = columns["frame"], np.arange(len(table))
     if repaired is not None:
@@ -102,8 +104,10 @@ def load_folder(path: Path, repaired: list[str] | None = None) -> Reading:
     rows, histograms = np.array(table.rows)[order], None
     _check_rows(path / "frames.csv", columns, rows, reading)
     if (path / "histograms.csv").exists():
-        histograms = _read_histograms(path / "histograms.csv", listed, declared, reading)
-        histograms = None if histograms is None else histograms[order]
+        try:
+            histograms = _read_histograms(path / "histograms.csv", listed, declared, reading)[order]
+        except FlightError as error:
+            reading.faults.append(str(error))
     elif "image" not in columns:
         reading.faults.append(
             f"{path}: neither images nor histograms.csv found: a flight needs at least one of them"
@@ -126,36 +130,23 @@ def load_folder(path: Path, repaired: list[str] | None = None) -> Reading:
     return reading
 
 
-def _read(path: Path, reading: Reading) -> TextTable | None:
-    try:
-        return read_table(path)
-    except FlightError as error:
-        reading.faults.append(str(error))
-        return None
-
-
-def _columns(table: TextTable, reading: Reading) -> Columns | None:
+def _columns(table: TextTable, reading: Reading) -> Columns:
     """The columns of frames.csv, in the order of the file."""
     path, header, columns = table.path, table.header, {}
     odd = [f"unknown column {name!r}" for name in header if name not in _REQUIRED + _OPTIONAL]
     odd += [f"column {name!r} is missing" for name in _REQUIRED if name not in header]
     if odd:
-        reading.faults.append(f"{path}: {odd[0]}: expected {_COLUMNS}")
-        return None
-    try:
-        for name in header:
-            needed = name in ("frame", "t_s")
-            if name == "image":
-                columns[name] = np.array(table.texts(name), dtype=object)
-                continue
-            columns[name] = table.numbers(name, missing_allowed=not needed)
-            if needed and (most := np.abs(columns[name]).max()) > 2**53:
-                raise FlightError(
-                    f"{path}: {name} reaches {most:g}: count from the first frame, in seconds"
-                )
-    except FlightError as error:
-        reading.faults.append(str(error))
-        return None
+        raise FlightError(f"{path}: {odd[0]}: expected {_COLUMNS}")
+    for name in header:
+        needed = name in ("frame", "t_s")
+        if name == "image":
+            columns[name] = np.array(table.texts(name), dtype=object)
+            continue
+        columns[name] = table.numbers(name, missing_allowed=not needed)
+        if needed and (most := np.abs(columns[name]).max()) > 2**53:
+            raise FlightError(
+                f"{path}: {name} reaches {most:g}: count from the first frame, in seconds"
+            )
     frame = columns["frame"]
     reading.refuse(
         path, np.array(table.rows), frame % 1 != 0,
@@ -262,27 +253,22 @@ def _assemble(
 
 def _read_histograms(
     path: Path, frames: np.ndarray, header: Columns, reading: Reading
-) -> np.ndarray | None:
-    if (table := _read(path, reading)) is None:
-        return None
+) -> np.ndarray:
+    table = read_table(path)
     names, rows = table.header, np.array(table.rows)
-    try:
-        if len(names) < 2 or names != ["frame", *(f"t{i}" for i in range(len(names) - 1))]:
-            raise FlightError(
-                f"{path}: unknown columns {','.join(names[:4])}...: expected frame,t0,t1,..."
-            )
-        values = np.column_stack([table.numbers(name, missing_allowed=False) for name in names])
-        if not np.array_equal(values[:, 0], frames):
-            common = min(len(values), len(frames))
-            odd = int(np.argmin([*(values[:common, 0] == frames[:common]), False]))
-            raise FlightError(
-                f"{path}, row {[*rows, rows[-1] + 1][odd]}: its frames differ from those of "
-                f"frames.csv ({len(values)} rows against {len(frames)}): list the same frames in "
-                "the same order"
-            )
-    except FlightError as error:
-        reading.faults.append(str(error))
-        return None
+    if len(names) < 2 or names != ["frame", *(f"t{i}" for i in range(len(names) - 1))]:
+        raise FlightError(
+            f"{path}: unknown columns {','.join(names[:4])}...: expected frame,t0,t1,..."
+        )
+    values = np.column_stack([table.numbers(name, missing_allowed=False) for name in names])
+    if not np.array_equal(values[:, 0], frames):
+        common = min(len(values), len(frames))
+        odd = int(np.argmin([*(values[:common, 0] == frames[:common]), False]))
+        raise FlightError(
+            f"{path}, row {[*rows, rows[-1] + 1][odd]}: its frames differ from those of "
+            f"frames.csv ({len(values)} rows against {len(frames)}): list the same frames in "
+            "the same order"
+        )
     histograms = values[:, 1:]
     if header.get("features", "textons") == "textons":
         sums, least = histograms.sum(axis=1), histograms.min(axis=1)

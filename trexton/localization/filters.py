@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -133,12 +133,9 @@ class ParticleFilter:
 
     def reset(self) -> None:
         """Forget everything: particles uniform over the area."""
-        self._start_again(lost=False)
-
-    def _start_again(self, lost: bool) -> None:
         weights = np.full(self.size, 1 / self.size)
         states = self.motion.start(self.rng, self.area, self.size)
-        self.belief = Belief(states, weights, np.zeros(self.size), lost=lost)
+        self.belief = Belief(states, weights, np.zeros(self.size))
         self.previous = None
         self.recovery.reset()
 
@@ -167,7 +164,8 @@ class ParticleFilter:
         log_likelihood = self.measurement.log_likelihood(places, observation)
         peak = log_likelihood.item(log_likelihood.argmax())
         if not peak > _VANISHED:  # also true for NaN
-            self._start_again(lost=True)
+            self.reset()
+            self.belief = replace(self.belief, lost=True)
             return
         weights = np.exp(log_likelihood - peak)
         total = np.add.reduce(weights)

@@ -97,9 +97,7 @@ class RandomWalk(MotionModel):
         return uniform_places(rng, area, count)
 
     def sample(self, states: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        moved: np.ndarray = rng.standard_normal(states.shape).dot(self._color.T)
-        moved += states
-        return moved
+        return states + rng.standard_normal(states.shape).dot(self._color.T)
 
     def position(self, states: np.ndarray) -> np.ndarray:
         return states
