@@ -150,8 +150,8 @@ def matern(places: np.ndarray, others: np.ndarray, length: float) -> np.ndarray:
 
 def kernels(places: np.ndarray, others: np.ndarray, length: float) -> Iterator[np.ndarray]:
     """`matern` in slices that stay small."""
-    for first in range(0, len(places), 1024):
-        yield matern(places[first : first + 1024], others, length)
+    for first in range(0, len(places), 128):
+        yield matern(places[first : first + 128], others, length)
 
 
 def posterior_mean(

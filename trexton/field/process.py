@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import inv
 from scipy.spatial.distance import cdist
 
 from trexton.field.likelihood import kernels, matern
@@ -168,7 +169,7 @@ class Process:
         self.places, self.length, self.noise = places, length, noise
         matrix = matern(places, places, length)
         matrix[np.diag_indices(len(places))] += noise / (1 if counts is None else counts)
-        self.precision = np.linalg.inv(matrix)
+        self.precision = inv(matrix, assume_a="pos")
         self.weights = self.precision @ features
 
     def variance(self, places: np.ndarray) -> np.ndarray:
@@ -194,7 +195,7 @@ class Process:
         known = list(ahead(everywhere, places))
         for block in blocks:
             out = block.left_out
-            covariance = np.linalg.inv(self.precision[np.ix_(out, out)])
+            covariance = inv(self.precision[np.ix_(out, out)], assume_a="pos")
             found = []
             for gain, mean, variance in known:
                 gone = gain[:, out]
@@ -214,7 +215,7 @@ def nlpd(process: Process, blocks: Sequence[Block]) -> tuple[float, np.ndarray, 
     errors, variances = np.empty_like(process.weights), np.empty(len(process.places))
     for block in blocks:
         left_out = block.left_out
-        covariance = np.linalg.inv(process.precision[np.ix_(left_out, left_out)])
+        covariance = inv(process.precision[np.ix_(left_out, left_out)], assume_a="pos")
         errors[block.rows] = (covariance @ process.weights[left_out])[block.inside]
         variances[block.rows] = np.diag(covariance)[block.inside]
     variances = np.maximum(variances, process.noise)
