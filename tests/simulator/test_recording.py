@@ -75,6 +75,20 @@ def test_the_pair_shares_a_floor_but_not_the_flight(tmp_path, floor):
     assert "test" in test.split
 
 
+def test_a_flight_in_memory_is_the_one_that_would_be_written(tmp_path, floor):
+    options = {"frames": 5, "seed": 4, "every": 2, "floor": floor, "camera": Camera(64, 48, 52.0)}
+    for effects in (Effects(), Effects().without("jpeg")):
+        written = record_flight(tmp_path, **options, effects=effects, replace=True)
+        kept = record_flight(None, **options, effects=effects)
+        for key in ("frame", "time", "position", "height", "attitude"):
+            np.testing.assert_array_equal(getattr(kept, key), getattr(written, key))
+        for flight in (kept, kept.select(np.arange(5))):
+            for own, other in zip(flight.images(), written.images(), strict=True):
+                np.testing.assert_array_equal(own, other)
+        assert kept.split == written.split and kept.floor is None
+        assert kept.data_hash == record_flight(None, **options, effects=effects).data_hash
+
+
 def test_the_images_show_the_place_that_the_truth_names(tmp_path, floor):
     effects = replace(
         Effects().without(*Effects().as_dict()),

@@ -29,7 +29,7 @@ class ImageFiles:
 
     def at(self, rows: np.ndarray) -> ImageFiles:
         """The images at these rows, in this order."""
-        return ImageFiles(tuple(self.files[row] for row in rows))
+        return type(self)(tuple(self.files[row] for row in rows))
 
     @cached_property
     def digest(self) -> str:

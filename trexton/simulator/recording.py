@@ -3,9 +3,12 @@ Flight folder, and where the vehicle flies: a survey in lanes, or random waypoin
 
 import os
 from collections.abc import Iterator
+from functools import partial
 from itertools import chain, cycle
 from pathlib import Path
+from typing import Any
 
+import cv2
 import numpy as np
 
 from trexton.base.errors import ParameterError
@@ -20,6 +23,7 @@ from trexton.simulator.floor import Floor, Light
 from trexton.simulator.sensor import Effects
 from trexton.simulator.simulator import PERIOD, Moment, Simulator
 from trexton.vision.camera import Camera
+from trexton.vision.images import yuv_from_bgr
 from trexton.vision.threads import ahead
 
 # pattern: number of frames (the paper's), seed, speed in m/s, light, name of the split
@@ -103,7 +107,7 @@ def random_waypoints(area: Area, rng: np.random.Generator) -> Iterator[np.ndarra
 
 
 def record_flight(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None,
     *,
     pattern: str = "survey",
     frames: int | None = None,
@@ -121,8 +125,8 @@ def record_flight(
 
     Parameters
     ----------
-    path : path
-        Folder to write; one that is there must be empty, unless `replace`.
+    path : path or None
+        Folder to write, absent or empty unless `replace`; None: images stay in memory, no floor.
     pattern : {"survey", "waypoints"}
         A survey in lanes to train on, or random waypoints an hour later, under another light.
     frames, seed, light, speed : optional
@@ -142,7 +146,7 @@ def record_flight(
     """
     if pattern not in PATTERNS:
         raise ParameterError(f"unknown pattern {pattern!r}: the patterns are {', '.join(PATTERNS)}")
-    usual_frames, usual_seed, usual_speed, usual_light, split = PATTERNS[pattern]
+    usual_frames, usual_seed, usual_speed, usual_light, _ = PATTERNS[pattern]
     frames = whole(usual_frames if frames is None else frames, "the number of frames")
     every, seed = whole(every, "every"), whole(usual_seed if seed is None else seed, "the seed", 0)
     speed = usual_speed if speed is None else speed
@@ -156,42 +160,32 @@ def record_flight(
         floor, camera=camera, effects=effects, light=usual_light if light is None else light,
         start=plan.start, height=height, speed=speed, rng=simulator_rng,
     )  # fmt: skip
-    source = f"simulated by trexton: pattern {pattern}, seed {seed}"
-    return _record(Path(path), replace, simulator, plan, frames, every, split, source)
-
-
-def _record(
-    path: Path,
-    replace: bool,
-    simulator: Simulator,
-    plan: Plan,
-    frames: int,
-    every: int,
-    split: str,
-    source: str,
-) -> Flight:
-    """Fly the plan and write the folder."""
-    floor = simulator.floor
-    with atomic_folder(path, replace) as folder:
-        (folder / "floor.png").write_bytes(floor.png())
-        files, truth = _fly(simulator, plan, folder, frames, every)
-        flight = Flight(
-            name=path.name, frame=np.arange(frames), time=np.arange(frames) * every * PERIOD,
-            position=truth[:, :2], height=truth[:, 2], attitude=truth[:, 3:],
-            frames=ImageFiles(files), area=floor.area, camera=simulator.camera,
-            split={split: (0, frames - 1)}, floor_file=folder / "floor.png",
-            floor_from_pixel=floor.picture.world_from_pixel, source=source, licence="CC0-1.0",
-        )  # fmt: skip
-        write_tables(flight, folder)
+    flown = partial(_fly, simulator, plan, pattern, seed, frames, every)
+    if path is None:
+        return flown(None, pattern)
+    with atomic_folder(path := Path(path), replace) as folder:
+        write_tables(flown(folder, path.name), folder)
     return read_flight(path)
 
 
+class _InMemory(ImageFiles):
+    """Images whose `files` are the bytes of what would be written."""
+
+    def __getitem__(self, row: int) -> np.ndarray:
+        coded = np.frombuffer(self.files[row], np.uint8)  # type: ignore[call-overload]
+        return yuv_from_bgr(np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR)))
+
+
 def _fly(
-    simulator: Simulator, plan: Plan, folder: Path, frames: int, every: int
-) -> tuple[tuple[Path, ...], np.ndarray]:
-    """Write the images; return their files and ``(frames, 6)`` truth."""
-    (folder / "images").mkdir()
-    files, truth = [], np.empty((frames, 6))
+    simulator: Simulator, plan: Plan, pattern: str, seed: int, frames: int, every: int,
+    folder: Path | None, name: str,
+) -> Flight:  # fmt: skip
+    """Fly the plan; images and floor are written to the folder, or images stay in memory."""
+    files: list[Any] = []
+    truth, floor = np.empty((frames, 6)), simulator.floor
+    if folder is not None:
+        (folder / "images").mkdir()
+        (folder / "floor.png").write_bytes(floor.png())
 
     def moments() -> Iterator[Moment]:
         for index in progress(range(frames), "simulate", frames):
@@ -201,6 +195,15 @@ def _fly(
             yield simulator.moment()
 
     for index, (data, suffix) in enumerate(ahead(simulator.capture, moments())):
-        files.append(folder / "images" / f"{index:06d}{suffix}")
-        files[-1].write_bytes(data)
-    return tuple(files), truth
+        files.append(data if folder is None else folder / "images" / f"{index:06d}{suffix}")
+        if folder is not None:
+            files[-1].write_bytes(data)
+    return Flight(
+        name=name, frame=np.arange(frames), time=np.arange(frames) * every * PERIOD,
+        position=truth[:, :2], height=truth[:, 2], attitude=truth[:, 3:],
+        frames=(_InMemory if folder is None else ImageFiles)(tuple(files)),
+        area=floor.area, camera=simulator.camera, split={PATTERNS[pattern][-1]: (0, frames - 1)},
+        floor_file=None if folder is None else folder / "floor.png",
+        floor_from_pixel=floor.picture.world_from_pixel, licence="CC0-1.0",
+        source=f"simulated by trexton: pattern {pattern}, seed {seed}",
+    )  # fmt: skip

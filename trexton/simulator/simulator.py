@@ -54,8 +54,7 @@ class Simulator:
         self.floor = Floor.painted() if floor is None else floor
         self.camera, self.effects = camera, effects
         flight_rng, sensor_rng, self._camera_rng, self._truth_rng = rng.spawn(4)
-        x_min, x_max, y_min, y_max = self.floor.area
-        middle = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2])
+        middle = np.reshape(self.floor.area, (2, 2)).mean(axis=1)
         self.vehicle = Vehicle(
             middle if start is None else start,
             height=height,
@@ -110,15 +109,12 @@ class Simulator:
         scene = self._blur(self._project(state), state)
         return self._sensor.develop(scene, gain, offset)
 
-    def _world_from_pixel(self, state: VehicleState, delay: float) -> np.ndarray:
-        return self.camera.world_from_pixel(*state.pose(delay))
-
     def _project(self, state: VehicleState) -> np.ndarray:
         """``(H, W, 3) uint8`` Y, Cr, Cb: the floor as seen row after row while the camera moves."""
         texture, from_world = self._texture.level(self.camera.focal / state.position[2])
         readout = self.effects.rolling_shutter
         first, last = (
-            from_world @ self._world_from_pixel(state, delay)
+            from_world @ self.camera.world_from_pixel(*state.pose(delay))
             for delay in (-readout / 2, readout / 2)
         )
         # Within a readout the homography is linear in time to a hundredth of a pixel.
@@ -137,8 +133,8 @@ class Simulator:
         """Smear along the path that the floor under the image centre takes during the exposure."""
         half = self.effects.motion_blur / 2
         center = np.array([self.camera.principal_point])
-        seen = transform_points(self._world_from_pixel(state, -half), center)
-        back = np.linalg.inv(self._world_from_pixel(state, half))
+        seen = transform_points(self.camera.world_from_pixel(*state.pose(-half)), center)
+        back = np.linalg.inv(self.camera.world_from_pixel(*state.pose(half)))
         kernel = _line_kernel((transform_points(back, seen) - center)[0])
         if kernel is None:
             return scene

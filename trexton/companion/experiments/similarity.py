@@ -7,7 +7,6 @@ and raises `ParameterError` unless it is positive.
 """
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from trexton.base.errors import MapError
 from trexton.base.options import number
@@ -79,6 +78,8 @@ def heat_map(
     (rows, columns) array
         Row 0 lies at the smallest y; NaN farther than `sigma` from every sample.
     """
+    from scipy.spatial import cKDTree  # which takes a while to load
+
     cell = max(_FINEST, (area[1] - area[0]) / _CELLS, (area[3] - area[2]) / _CELLS)
     x, y = _centers(*area[:2], cell), _centers(*area[2:], cell)
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from time import perf_counter
@@ -87,7 +87,7 @@ class Track:
 
 def fly(
     localizer: Localizer,
-    frames: Frames,
+    frames: Iterable[np.ndarray],
     *,
     aiding: Sequence[Aiding] | None = None,
     times: np.ndarray | None = None,

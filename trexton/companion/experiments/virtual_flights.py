@@ -4,19 +4,18 @@ The prediction is the mean error of method `field` itself on such flights, under
 the field predicts of single frames does not include that it may take one place for another.
 """
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from trexton.base.errors import MapError
-from trexton.base.files import scratch_folder
 from trexton.base.options import Options, option
 from trexton.base.streams import stream
-from trexton.companion.experiments.evaluation import constant_guess, frames_of
+from trexton.companion.experiments.evaluation import constant_guess
 from trexton.companion.experiments.metrics import euclidean, mean_with_interval
 from trexton.companion.experiments.similarity import local_losses, smooth
 from trexton.companion.experiments.track import fly
@@ -49,21 +48,35 @@ class VirtualFlights(Options):
     seed: int = option(1, "of the flights", low=0)
 
     def over(
-        self, floor: Floor, folder: Path, count: int, *, every: int = 2, camera: Camera = Camera()
-    ) -> tuple[Flight, list[Flight]]:
-        """A survey, and `count` flights between random places an hour later.
-
-        Every second frame is kept unless `every` says otherwise, so that fewer cover the floor.
+        self,
+        floor: Floor,
+        count: int,
+        methods: tuple[str, ...] = (METHOD,),
+        *,
+        every: int = 2,
+        camera: Camera = Camera(),
+    ) -> tuple[TextonMap, np.ndarray, dict[str, np.ndarray]]:
+        """The map of a survey; ``(N, 2)`` metres of frames of `count` flights between random places
+        an hour later, drawn while it is trained; by method ``(count, N / count)`` errors in cm. Of
+        frames each second, or n-th, is kept, so that fewer cover the floor.
         """
         x_min, x_max, y_min, y_max = floor.area
         path = 2 * (x_max - x_min) * (y_max - y_min) / LANE
         usual = int(np.clip(path / (SURVEY_SPEED * PERIOD * every), 200, 2000))
-        record = partial(record_flight, floor=floor, height=self.height, every=every, camera=camera)
-
-        survey = record(folder / "0", pattern="survey", seed=self.seed, frames=self.frames or usual)
+        record = partial(
+            record_flight, None, floor=floor, height=self.height, every=every, camera=camera
+        )
         again = partial(record, pattern="waypoints", frames=self.test_frames)
-        later = [again(folder / str(n), seed=self.seed + n) for n in range(1, count + 1)]
-        return survey, later
+        survey = record(pattern="survey", seed=self.seed, frames=self.frames or usual)
+        with ThreadPoolExecutor(1) as drawing:
+            later = [drawing.submit(again, seed=self.seed + n) for n in range(1, count + 1)]
+            own = train_map(survey, method=METHOD, rng=stream(self.seed, "map"))
+            errors = {}
+            for method in methods:
+                rng = stream(self.seed, f"map {method}")
+                trained = for_method(own, method, flight=survey, rng=rng)
+                errors[method] = _errors_cm(trained, later, self.seed)
+        return own, np.concatenate([test.result().position for test in later]), errors
 
 
 def first_prediction(floor: Floor, *, flights: VirtualFlights) -> float | None:
@@ -71,13 +84,11 @@ def first_prediction(floor: Floor, *, flights: VirtualFlights) -> float | None:
     pixels: within seconds, and coarser than `judge_floor`. None where they show too little.
     """
     few = replace(flights, frames=min(flights.frames or 200, 200), test_frames=60)
-    with scratch_folder("floor") as folder:
-        survey, later = few.over(floor, folder, 1, every=5, camera=Camera(320, 240, 260.0))
-        try:
-            coarse = train_map(survey, method=METHOD, rng=stream(flights.seed, "map"))
-        except MapError:
-            return None
-        return float(_errors_cm(coarse, later, flights.seed)[0].mean())
+    try:
+        _, _, errors = few.over(floor, 1, every=5, camera=Camera(320, 240, 260.0))
+    except MapError:
+        return None
+    return float(errors[METHOD].mean())
 
 
 def judge_floor(floor: Floor, *, flights: VirtualFlights = VirtualFlights()) -> dict[str, Any]:
@@ -91,19 +102,15 @@ def judge_floor(floor: Floor, *, flights: VirtualFlights = VirtualFlights()) -> 
         ``high``; ``centre_cm``, the error of always guessing the middle; ``heat``, expected error
         over the floor in metres; ``worst_m``, where it is largest.
     """
-    with scratch_folder("floor") as folder:
-        survey, later = flights.over(floor, folder, LATER)
-        texton_map = train_map(survey, method=METHOD, rng=stream(flights.seed, "map"))
-        errors = np.stack(_errors_cm(texton_map, later, flights.seed))
-    mean = mean_with_interval(errors, stream(flights.seed, "intervals"))
-    flown = np.concatenate([test.position for test in later])
-    heat, worst = _expected(texton_map, flown, errors.ravel(), floor.area)
+    texton_map, flown, errors = flights.over(floor, LATER)
+    mean = mean_with_interval(errors[METHOD], stream(flights.seed, "intervals"))
+    heat, worst = _expected(texton_map, flown, errors[METHOD].ravel(), floor.area)
     centre = constant_guess(texton_map.positions, len(flown))
     whole = texton_map.joined()
     losses = local_losses(whole.histograms, whole.positions, SIGMA_M)
     return {
         "area_m": floor.area,
-        "frames": {"survey": len(survey), "test": len(flown)},
+        "frames": {"survey": len(texton_map.time), "test": len(flown)},
         "loss": losses.mean(),
         "predicted_cm": mean["value"],
         "low": mean["low"],
@@ -118,27 +125,21 @@ def measured_cm(
     floor: Floor, *, flights: VirtualFlights, methods: tuple[str, ...]
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """By method, errors in cm at all frames after a survey; and ``(N, 2)`` where they were."""
-    with scratch_folder("floor") as folder:
-        survey, later = flights.over(floor, folder, LATER)
-        own = train_map(survey, method=METHOD, rng=stream(flights.seed, "map"))
-        errors = {}
-        for method in methods:
-            rng = stream(flights.seed, f"map {method}")
-            trained = for_method(own, method, flight=survey, rng=rng)
-            errors[method] = np.concatenate(_errors_cm(trained, later, flights.seed))
-    return errors, np.concatenate([test.position for test in later])
+    _, flown, errors = flights.over(floor, LATER, methods)
+    return {method: each.ravel() for method, each in errors.items()}, flown
 
 
-def _errors_cm(texton_map: TextonMap, tests: list[Flight], seed: int) -> list[np.ndarray]:
-    """``(N,)`` of each flight; each is flown by a localizer of its own, in a thread of its own."""
+def _errors_cm(texton_map: TextonMap, tests: list[Future[Flight]], seed: int) -> np.ndarray:
+    """``(flights, N)`` of flights as they are drawn, each flown in a thread of its own."""
 
     def errors(number: int) -> np.ndarray:
-        localizer, test = Localizer(texton_map, rng=stream(seed, "flight", number)), tests[number]
-        return 100 * fly(localizer, frames_of(test)).errors(test.position)
+        localizer = Localizer(texton_map, rng=stream(seed, "flight", number))
+        test = tests[number].result()
+        return 100 * fly(localizer, test.images()).errors(test.position)
 
     # Here, as flights in threads would lift each other's limit.
     with threadpool_limits(1, user_api="blas"):
-        return list(ahead(errors, range(len(tests))))
+        return np.stack(list(ahead(errors, range(len(tests)))))
 
 
 def _expected(
