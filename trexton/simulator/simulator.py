@@ -106,8 +106,7 @@ class Simulator:
 
     def _frame(self, moment: Moment) -> np.ndarray:
         state, gain, offset = moment
-        scene = self._blur(self._project(state), state)
-        return self._sensor.develop(scene, gain, offset)
+        return self._sensor.develop(self._blur(self._project(state), state), gain, offset)
 
     def _project(self, state: VehicleState) -> np.ndarray:
         """``(H, W, 3) uint8`` Y, Cr, Cb: the floor as seen row after row while the camera moves."""
@@ -125,9 +124,10 @@ class Simulator:
         rows, columns = coarse.shape[:2]
         fine = cv2.resize(coarse, (columns * _NODE, rows * _NODE), interpolation=cv2.INTER_LINEAR)
         fine = fine[_NODE : _NODE + self.camera.height, _NODE : _NODE + self.camera.width]
-        return cv2.remap(  # type: ignore[call-overload]  # OpenCV's types forget that one map may hold both
+        seen = cv2.remap(  # type: ignore[call-overload]  # OpenCV's types forget that one map may hold both
             texture, fine, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
+        return cv2.cvtColor(seen, cv2.COLOR_BGRA2BGR)
 
     def _blur(self, scene: np.ndarray, state: VehicleState) -> np.ndarray:
         """Smear along the path that the floor under the image centre takes during the exposure."""
