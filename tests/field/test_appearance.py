@@ -46,9 +46,12 @@ AS_SURVEYED = Light()
 
 
 def flown(
-    surveyed, light=AS_SURVEYED, heading=0.0, frames=70, rate=0.0, yaw_known=False, **choices
-):
-    """Errors in metres, whether lost, and the filter of the appearance."""
+    surveyed, light=AS_SURVEYED, heading=0.0, frames=70, rate=0.0, yaw_known=False, turned=None,
+    **choices,
+):  # fmt: skip
+    """Errors in metres, whether lost, and the filter of the appearance; the velocity is given if it
+    is `turned` by so many radians.
+    """
     floor, texton_map = surveyed
     ways, rng = np.random.default_rng(5).spawn(2)
     plan = Plan(random_waypoints(floor.area, ways))
@@ -57,10 +60,15 @@ def flown(
     localizer = Localizer(with_choices(texton_map, choices), rng=np.random.default_rng(1))
     errors, lost = [], []
     for _ in range(frames):
+        before = simulator.state.position[:2]
         for _ in range(2):
             simulator.heading += rate
             simulator.step(plan.goal(simulator.vehicle.state.position))
         aiding = Aiding(yaw=float(simulator.state.attitude[2])) if yaw_known else None
+        if turned is not None:
+            x, y = (simulator.state.position[:2] - before) / texton_map.period_s
+            cosine, sine = np.cos(turned), np.sin(turned)
+            aiding = Aiding(velocity=np.array([cosine * x - sine * y, sine * x + cosine * y]))
         estimate = localizer.step(simulator.render(), aiding=aiding)
         errors.append(np.hypot(*(estimate.position - simulator.state.position[:2])))
         lost.append(estimate.lost)
@@ -105,7 +113,7 @@ def test_a_search_takes_a_given_yaw_as_it_is(surveyed):
     appearance = tracked.open(texton_map, np.random.default_rng(0))
     appearance._search()
     for each in (frame, corrected_frame(frame, turn, np.zeros(4))):
-        appearance.aid(each, None, 0.08)
+        appearance.velocity(each, 0.08)
         appearance.update(each, float(tracked.survey_yaw) + 0.5)
         assert appearance.mean[3] == pytest.approx(0.5, abs=1e-9)
     assert abs(appearance._moved[0]) > 0.05  # it did turn
@@ -124,6 +132,32 @@ def test_frames_of_another_floor_are_not_silently_wrong(surveyed, tmp_path):
     _, texton_map = surveyed
     errors, lost, _ = flown((Floor.painted("hall", 77), texton_map))
     assert ((errors > 0.3) & ~lost).mean() <= 0.05
+
+
+@pytest.fixture(scope="module")
+def alike(tmp_path_factory):
+    """Two prints, each laid four times."""
+    floor = Floor.painted("repeats", 4002)
+    flight = record_flight(
+        tmp_path_factory.mktemp("alike") / "survey",
+        pattern="survey", frames=280, seed=1, floor=floor, every=2, camera=CAMERA,
+    )  # fmt: skip
+    return floor, train_map(flight, method="field", rng=np.random.default_rng(0))
+
+
+def test_a_given_velocity_does_not_stop_frames_from_being_weighed_together(alike):
+    alone, lost_alone, _ = flown(alike, frames=100)
+    errors, lost, _ = flown(alike, frames=100, turned=0.0)
+    assert lost.sum() <= lost_alone.sum() + 2 < 50
+    assert errors.mean() < 1.1 * alone.mean()
+
+
+@pytest.mark.parametrize("turned", [20, 180])
+def test_a_turned_velocity_is_not_silently_wrong(alike, turned):
+    """Frames show what the compass makes wrong, and move what they say together."""
+    errors, lost, _ = flown(alike, frames=100, turned=np.radians(turned))
+    assert not ((errors > 0.5) & ~lost).any()  # as it would be at another place
+    assert ((errors > 0.3) & ~lost).mean() <= 0.06  # drawn along, until they do
 
 
 def test_equal_seeds_give_equal_flights(surveyed):
@@ -173,7 +207,7 @@ def test_frames_in_half_the_time_show_twice_the_velocity(surveyed):
         localizer.step(pictures[0], time=first)
         for _ in range(missed):
             localizer.step(None)
-        return localizer.observation(pictures[1], time=second).aiding.velocity
+        return localizer.observation(pictures[1], time=second).velocity_seen
 
     usual = velocity()
     assert np.hypot(*usual) > 0.02

@@ -7,14 +7,12 @@ filtering by importance sampling). While frames fit no place, states from all ov
 for a few frames.
 """
 
-from dataclasses import replace
 from math import isqrt
 
 import numpy as np
 
 from trexton.field.field import FrameEvidence
 from trexton.field.likelihood import better_half
-from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate
 from trexton.localization.texton_map import TextonMap
 from trexton.vision.correction import HEADING, HEIGHT, STATES, FrameMotion, affine, corrected_frame
@@ -50,7 +48,6 @@ TILE_MISFIT = 1.8  # normalized residual of a tile from which on it may lie in a
 TILE_PENALTY = 12.0  # log evidence, of a tile that is in another light than the frame
 TILE_LEVELS = np.arange(-18, 19) / 20  # brightnesses that are tried for tiles, log gains
 MIN_LEVEL = 0.12  # log gain of a tile
-VELOCITY_SIGMA = 0.25  # m/s along an axis, of what the frames show
 
 
 class AppearanceFilter:
@@ -109,23 +106,21 @@ class AppearanceFilter:
         needed = (GROUPS[self._factors > GATE]).any(axis=0)
         return np.where(needed & (np.abs(self.mean) >= DEADBAND), self.mean, 0)
 
-    def aid(self, frame: np.ndarray, aiding: Aiding | None, since: float) -> Aiding | None:
-        """What is known beside the next ``(H, W, 3) uint8`` frame, so many seconds since the last,
-        with the velocity that it shows where no other is known.
+    def velocity(self, frame: np.ndarray, since: float) -> np.ndarray | None:
+        """``(2,)`` metres a second that the next ``(H, W, 3) uint8`` frame shows, so many seconds
+        since the last; None where it shows none.
 
         How many metres the frame's sides are long is known by the footprints of its tiles.
         """
         moved = self._motion.step(frame)
         self._moved = np.zeros(4) if moved is None else moved
-        known = Aiding() if aiding is None else aiding
         offsets, side = self._offsets, isqrt(len(self._offsets))
-        if moved is None or side < 2 or known.velocity is not None or since <= 0:
-            return aiding
+        if moved is None or side < 2 or since <= 0:
+            return None
         sides = side * np.array([offsets[1] - offsets[0], offsets[side] - offsets[0]])  # metres
         shape = np.array(frame.shape[1::-1])
         seen = np.linalg.solve(affine(frame.shape, self._used)[:, :2], moved[2:] * shape) / shape
-        velocity = -seen @ sides / since
-        return replace(known, velocity=velocity, velocity_sigma=VELOCITY_SIGMA)
+        return -seen @ sides / since
 
     def update(self, frame: np.ndarray, yaw: float | None = None) -> None:
         """One ``(H, W, 3) uint8`` frame later; with a yaw, radians, the heading is known by it."""

@@ -13,6 +13,7 @@ from trexton.field.linear_motion import LinearMotion
 
 CLUTTER_PROBABILITY = 1e-3  # that a frame, or a velocity, says nothing, whatever it looks like
 BIAS_SIGMA = 0.3  # m/s along an axis, of a velocity that is biased
+VELOCITY_GATE_SIGMA = 5.0  # innovation gate for velocity aiding
 BIAS_TIME_S = 5.0  # time constant of the bias: it turns with the vehicle
 BIAS_DECAY_S = 2.6  # time constant of the weight of a bias that explains nothing
 BIAS_SWITCH_PROBABILITY = 1e-3  # a frame, that the bias sets in or ends
@@ -163,8 +164,15 @@ class Hypotheses:
         later = goes_on @ np.linalg.pinv(own - goes_on) @ covariance  # what is never seen stays
         return float(self.motion.period_s * (1 + 2 * later[0, 0] / covariance[0, 0]))
 
-    def update_velocity(self, velocity: np.ndarray, noise: np.ndarray) -> None:
-        """Update by a measured velocity with its ``(2, 2)`` noise covariance.
+    def usual(self, velocity: np.ndarray | None, sigma: float) -> np.ndarray | None:
+        """A velocity of so many m/s; None where no vehicle has it, nor NaN."""
+        variance = float(self.motion.speed) ** 2 + BIAS_SIGMA**2 + sigma**2
+        gate = VELOCITY_GATE_SIGMA * np.sqrt(variance)
+        return velocity if velocity is not None and np.abs(velocity).max() <= gate else None
+
+    def update_velocity(self, velocity: np.ndarray, noise: np.ndarray, biased: bool = True) -> None:
+        """Update by a measured velocity with its ``(2, 2)`` noise covariance, which may be
+        biased or not.
 
         Weights change by the likelihood over that of a velocity of which nothing is known. Where
         the velocity is biased it says nothing about the place: the hypotheses that take it to be
@@ -172,15 +180,19 @@ class Hypotheses:
         """
         if not len(self):
             return
-        biased, prior = self.biased, self._prior[2:4, 2:4] + noise
-        expected, spread, precision, gain = self.innovation(self.velocity, noise)
+        prior = self._prior[2:4, 2:4] + noise
+        matrix = self.velocity.copy()
+        matrix[:, -2:] *= biased
+        expected, spread, precision, gain = self.innovation(matrix, noise)
         innovation = velocity - expected
         self.update(innovation, gain, spread)
         squared = np.einsum("ti,tij,tj->t", innovation, precision, innovation)
         squared -= velocity @ np.linalg.solve(prior, velocity)
         ratio = np.linalg.det(precision) * np.linalg.det(prior)
         likelihood = np.maximum(np.sqrt(ratio) * np.exp(-0.5 * squared), CLUTTER_PROBABILITY)
-        likelihood[biased] = np.exp(-float(self.motion.period_s) / BIAS_DECAY_S) * likelihood.max()
+        if biased:
+            decay = np.exp(-float(self.motion.period_s) / BIAS_DECAY_S)
+            likelihood[self.biased] = decay * likelihood.max()
         weights = self.weights * likelihood
         self.weights = weights / weights.sum()
 

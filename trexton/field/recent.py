@@ -12,6 +12,7 @@ from trexton.field.likelihood import bilinear
 
 MEMORY_S = 6.0  # time constant of forgetting
 POWER, APART_S = 0.06, 0.08  # of the likelihood of a frame, at least so long after the last
+LEAST_WEIGHT = 1e-9  # of a place, or among those that share one
 RANGE = 20.0  # log likelihoods this far below the best count as this
 
 
@@ -50,3 +51,12 @@ class RecentFrames:
         """``(T,)`` probabilities that the vehicle is within so many metres of ``(T, 2)`` places."""
         apart = self._field.centers - places[:, None]
         return (np.hypot(apart[..., 0], apart[..., 1]) < radius) @ self.shares
+
+    def weighed(self, log_weights: np.ndarray, places: np.ndarray, radius: float) -> np.ndarray:
+        """``(T,)`` log weights of hypotheses at ``(T, 2)`` places: of each place what the latest
+        frames give it, of those that share it, within so many metres, by their weights.
+        """
+        apart, weights = places[:, None] - places, np.exp(log_weights - log_weights.max())
+        near = np.hypot(apart[..., 0], apart[..., 1]) < radius
+        shared = np.maximum(self.near(places, radius), LEAST_WEIGHT)
+        return np.log(shared * np.maximum(weights / (near @ weights), LEAST_WEIGHT))

@@ -19,10 +19,11 @@ import numpy as np
 
 from trexton.base.options import option
 from trexton.field.field import Field
-from trexton.field.hypotheses import BIAS_SIGMA, CLUTTER_PROBABILITY, Hypotheses
+from trexton.field.hypotheses import CLUTTER_PROBABILITY, Hypotheses
 from trexton.field.likelihood import peaks
 from trexton.field.linear_motion import LinearMotion
 from trexton.field.recent import RecentFrames
+from trexton.flights.aiding import Aiding
 from trexton.localization.base import Area
 from trexton.localization.estimate import Estimate, Measurement, nowhere
 from trexton.localization.filters import Filter
@@ -30,7 +31,8 @@ from trexton.localization.observation import Observation
 from trexton.localization.texton_map import TextonMap
 
 OUTLIER_TIME_S = 0.2  # correlation time of outliers, with velocity aiding
-VELOCITY_GATE_SIGMA = 5.0  # innovation gate for velocity aiding
+SEEN_SIGMA = 0.25  # m/s along an axis, of the velocity that frames show
+SEEN_GATE_SIGMA = 2.0  # from it, beyond which a velocity that is given is not used
 BIRTH_PROBABILITY = 1e-3  # a frame, that the vehicle is where no hypothesis is
 LOG_LIKELIHOOD_RANGE = 25.0  # cells this far below the best count as none
 LOST_PROBABILITY = 0.05  # of being elsewhere, from which the vehicle is lost
@@ -39,7 +41,6 @@ LOST_FRAMES = 3  # that support no hypothesis, after which it is lost
 # tiles, which tell more, at the estimate.
 NOVELTY_THRESHOLD, TILE_NOVELTY_THRESHOLD = 2.5, 1.4
 HELD_WEIGHT = 0.01  # of the best hypothesis, down to which another takes not its place
-LEAST_WEIGHT = 1e-9  # of a place, or among those that share one
 AMBIGUOUS_PROBABILITY = 0.1  # of being elsewhere by the latest frames together, likewise
 CONFIRMED_S = 1.0  # for which tiles must support a track until it is taken for the vehicle's
 INFLATION_RESIDUAL = 0.8  # normalized residual from which the correlated error is inflated
@@ -81,7 +82,6 @@ class TrackFilter:
         errors, cell = measurement.error_model, measurement.cell
         self.hypotheses = Hypotheses(motion, errors, self.options.tracks, cell)
         self._period_s = float(motion.period_s)
-        self._speed_variance = float(motion.speed) ** 2 + BIAS_SIGMA**2
         self._white = errors.white_sigma**2 * np.eye(2)
         self._rounding = cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
         self._residual_gain = 1 - np.exp(-self._period_s / RESIDUAL_TIME_S)
@@ -135,18 +135,18 @@ class TrackFilter:
         kept = np.flatnonzero(log_posterior > peak - LOG_LIKELIHOOD_RANGE)
         cells, shares = self.measurement.centers[kept], np.exp(log_posterior[kept] - peak)
         shares /= shares.sum()
-        measured = observation.aiding.velocity
-        sigma = observation.aiding.velocity_sigma or self.options.velocity_sigma
-        gate = VELOCITY_GATE_SIGMA * np.sqrt(self._speed_variance + sigma**2)
-        usual = measured is not None and np.abs(measured).max() <= gate  # NaN is not
-        velocity = measured if usual else None
-        self._sigma = float(f"{sigma:.2g}") if usual else None
+        given = observation.aiding.velocity
+        velocity, sigma, seen = self._believed(observation.aiding, observation.velocity_seen)
+        self._sigma = None if velocity is None else float(f"{sigma:.2g}")
         if velocity is not None:
             hypotheses.switch_bias()
         hypotheses.predict(seconds)
-        if velocity is not None:
+        if velocity is not None and (velocity is given or given is None):
             hypotheses.update_velocity(velocity, sigma**2 * np.eye(2))
-            self._remembers = self._tiles and observation.motion_seen
+        if velocity is not None and seen is not None:
+            self._remembers = self._tiles
+            if given is not None:
+                hypotheses.update_velocity(seen, SEEN_SIGMA**2 * np.eye(2), biased=False)
         if self._remembers:
             self._recent.move(self._moved)
             if observation.familiar:
@@ -168,29 +168,32 @@ class TrackFilter:
         if not len(log_weights):  # the frame supports no place, nor did one before
             return
         if self._remembers:
-            log_weights = self._weighed(log_weights, supported)
+            log_weights = self._recent.weighed(log_weights, supported, hypotheses.radius)
         if hypotheses.prune(log_weights, HELD_WEIGHT if self._remembers else 1.0) != 0:
             self._unsupported = 0
         self._judge(observation, by_frame, before)
-        if velocity is not None and hypotheses.biased[0]:
+        if given is not None and velocity is not given:
+            self._bias = given - hypotheses.states[0, 2:4]
+        elif velocity is not None and hypotheses.biased[0]:
             self._bias = hypotheses.states[0, -2:].copy()
-        elif measured is not None and velocity is None:
-            self._bias = measured - hypotheses.states[0, 2:4]
+
+    def _believed(
+        self, given: Aiding, seen: np.ndarray | None
+    ) -> tuple[np.ndarray | None, float, np.ndarray | None]:
+        """The velocity that holds, its deviation, and the one that frames show: of these two the
+        latter where they contradict each other, for a compass may be wrong.
+        """
+        sigma, usual = given.velocity_sigma or self.options.velocity_sigma, self.hypotheses.usual
+        velocity, seen = usual(given.velocity, sigma), usual(seen, SEEN_SIGMA)
+        if velocity is not None and seen is not None:
+            if np.abs(velocity - seen).max() > SEEN_GATE_SIGMA * np.hypot(sigma, SEEN_SIGMA):
+                velocity = None
+        return (seen, SEEN_SIGMA, seen) if velocity is None else (velocity, sigma, seen)
 
     @property
     def _moved(self) -> np.ndarray:
         """``(2,)`` metres in the last step, as the best hypothesis has it."""
         return self._since_s * self.hypotheses.states[:1, 2:4].sum(axis=0)
-
-    def _weighed(self, log_weights: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """``(T,)`` log weights of hypotheses at ``(T, 2)`` places: of each place what the latest
-        frames give it, of those that share it by their weights.
-        """
-        radius = self.hypotheses.radius
-        apart, weights = places[:, None] - places, np.exp(log_weights - log_weights.max())
-        near = np.hypot(apart[..., 0], apart[..., 1]) < radius
-        shared = np.maximum(self._recent.near(places, radius), LEAST_WEIGHT)
-        return np.log(shared * np.maximum(weights / (near @ weights), LEAST_WEIGHT))
 
     def _judge(
         self, observation: Observation, log_posterior: np.ndarray, before: np.ndarray

@@ -233,9 +233,6 @@ class Localizer:
             since = self.map.period_s
         if self._odometry is not None and frame.ndim > 1:
             aiding = self._odometry.aid(frame, aiding, now)
-        given = aiding
-        if self._appearance is not None and frame.ndim > 1:
-            aiding = self._appearance.aid(frame, aiding, since)
         observation = Observation(
             None if frame.ndim == 1 else frame,
             aiding=aiding,
@@ -244,7 +241,8 @@ class Localizer:
             histogram=lambda: self._histogram(frame, aiding),
             neighbors=self._neighbors,
         )
-        observation.motion_seen = aiding is not given
+        if self._appearance is not None and frame.ndim > 1:
+            observation.velocity_seen = self._appearance.velocity(frame, since)
         return observation
 
     def _check(self, frame: np.ndarray) -> None:

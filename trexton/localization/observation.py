@@ -41,7 +41,7 @@ class Observation:
         self._count, self._search = histogram, neighbors
         self.familiar = True  # False: it fits no place as the floor looks now, and measures none
         self.since_s: float | None = None  # the filter was advanced; None: a period
-        self.motion_seen = False  # whether the velocity is what the frames themselves show
+        self.velocity_seen: np.ndarray | None = None  # (2,) m/s, what the frames themselves show
 
     @cached_property
     def histogram(self) -> np.ndarray:

@@ -136,7 +136,12 @@ class Vehicle:
             -self._jitter * STEP / JITTER_TIME
             + TILT_JITTER * math.sqrt(2 * STEP / JITTER_TIME) * noise[2:4]
         )
-        self._wander_step(noise[4:])
+        # Damped oscillators driven by white noise: smooth, of the deviations asked for.
+        frequency, damping = WANDER_FREQUENCY, 0.7
+        kick = self._ripple * np.sqrt(4 * damping * frequency**3 * STEP) * noise[4:]
+        pull = -(frequency**2) * self._wander - 2 * damping * frequency * self._wander_rate
+        self._wander_rate = self._wander_rate + STEP * pull + kick
+        self._wander = self._wander + STEP * self._wander_rate
         wanted = np.zeros(2) if goal is None else _limit(APPROACH * (goal - self._xy), self.speed)
         push = _limit(
             (wanted - self._velocity) / VELOCITY_LAG + DRAG * self._velocity, ACCELERATION
@@ -160,11 +165,3 @@ class Vehicle:
         if self._landing:
             self._height -= DESCENT * STEP
             self._landed = self._height + self._wander[0] <= TOUCHDOWN
-
-    def _wander_step(self, noise: np.ndarray) -> None:
-        """Damped oscillators driven by white noise: smooth, of the deviations asked for."""
-        frequency, damping = WANDER_FREQUENCY, 0.7
-        kick = self._ripple * np.sqrt(4 * damping * frequency**3 * STEP) * noise
-        pull = -(frequency**2) * self._wander - 2 * damping * frequency * self._wander_rate
-        self._wander_rate = self._wander_rate + STEP * pull + kick
-        self._wander = self._wander + STEP * self._wander_rate

@@ -61,18 +61,14 @@ def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.
 
 def _described(content: Mapping[str, Any], camera_name: str) -> tuple[Camera, np.ndarray]:
     if "camera_matrix" in content:
-        return _opencv(content)
+        (fx, _, cx), (_, fy, cy), _ = _matrix(content["camera_matrix"])
+        width, height = int(content["image_width"]), int(content["image_height"])
+        distortion = _matrix(content["distortion_coefficients"]).ravel()
+        return Camera(width, height, float(fx + fy) / 2, (float(cx), float(cy))), distortion
     if "cam0" in content or camera_name in content:  # Kalibr's, in the words of ASL
         content = content[camera_name]
         content = {"distortion_coefficients": content.get("distortion_coeffs", []), **content}
     return _asl(content)
-
-
-def _opencv(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:
-    (fx, _, cx), (_, fy, cy), _ = _matrix(content["camera_matrix"])
-    width, height = int(content["image_width"]), int(content["image_height"])
-    distortion = _matrix(content["distortion_coefficients"]).ravel()
-    return Camera(width, height, float(fx + fy) / 2, (float(cx), float(cy))), distortion
 
 
 def _matrix(node: Mapping[str, Any]) -> np.ndarray:

@@ -216,7 +216,10 @@ def _learned(
     if method == "kohonen":
         flat = flat[rng.permutation(len(flat))]
         start = flat[-n_textons:]  # those that are seen last
-        gains = _kohonen_gains(n_textons, len(flat))
+        radius, parts = (max(n_textons / 4, LEAST_RADIUS), LEAST_RADIUS), min(len(flat), 1000)
+        progress = np.arange(parts)[:, None] / parts
+        rates, radii = (start * (end / start) ** progress for start, end in (RATE, radius))
+        gains = rates * np.exp(-np.square(np.arange(n_textons)) / (2 * radii**2))
     else:
         start = flat[rng.permutation(min(FIRST, len(flat)))[:n_textons]]
         gains = np.r_[WINNER_RATE, np.zeros(n_textons - 1)][None]
@@ -226,14 +229,6 @@ def _learned(
     kohonen_steps(flat, textons, np.rint(gains * 2.0**16) / 2.0**16, GRAIN)
     rounded = np.rint(textons).astype(np.uint8).reshape(n_textons, *patches.shape[1:])
     return TextonDictionary(rounded)
-
-
-def _kohonen_gains(n_textons: int, n_patches: int) -> np.ndarray:
-    radius = max(n_textons / 4, LEAST_RADIUS), LEAST_RADIUS
-    parts = min(n_patches, 1000)
-    progress = np.arange(parts)[:, None] / parts
-    rates, radii = (start * (end / start) ** progress for start, end in (RATE, radius))
-    return rates * np.exp(-np.square(np.arange(n_textons)) / (2 * radii**2))
 
 
 def _check_patches(patches: np.ndarray, patch: int | None = None) -> np.ndarray:

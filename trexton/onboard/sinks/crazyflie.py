@@ -37,9 +37,7 @@ class CrazyflieSink(Sink):
     """
 
     autopilot = True
-    addresses = {
-        "crazyflie:URI": "a Crazyflie, as in `crazyflie:radio://0/80/2M/E7E7E7E7E7`",
-    }
+    addresses = {"crazyflie:URI": "a Crazyflie, as in `crazyflie:radio://0/80/2M/E7E7E7E7E7`"}
 
     def __init__(self, uri: str, local: LocalFrame):
         from cflib import crtp
