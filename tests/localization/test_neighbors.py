@@ -60,6 +60,13 @@ def test_both_searches_give_the_same_bits_on_many_histograms(rng):
         assert len({(r.index.tobytes(), r.distance.tobytes()) for r in results}) == 1
 
 
+def test_a_search_of_another_kind_finds_its_candidates_itself(rng):
+    nearest = TreeSearch(rng.dirichlet(np.ones(8), 60), rng.normal(size=(60, 2)), 5)
+    nearest._tree = None
+    with pytest.raises(AttributeError):
+        nearest.query(rng.dirichlet(np.ones(8)))
+
+
 def test_real_histograms(cyberzoo):
     known = np.isfinite(cyberzoo.histograms).all(axis=1)
     histograms, positions = cyberzoo.histograms[known], cyberzoo.position[known]

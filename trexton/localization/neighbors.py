@@ -160,15 +160,19 @@ class NearestHistograms:
 
     def _nearest(self, query: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
         """The k nearest rows and their distances, added up in the order of the textons."""
-        closeness = self._half - query @ self._columns  # half the squared distance, less a constant
-        margin = _ROUNDING * (query @ query + self._largest)  # all that may be among the first k
-        candidates = np.flatnonzero(closeness <= np.partition(closeness, k - 1)[k - 1] + margin)
+        candidates = self._candidates(query, k)
         difference = self._columns.take(candidates, axis=1)
         difference -= query[:, None]
         difference *= difference
         squared = np.add.reduce(difference, axis=0)
         order = squared.argsort(kind="stable")[:k]
         return candidates.take(order), np.sqrt(squared.take(order))
+
+    def _candidates(self, query: np.ndarray, k: int) -> np.ndarray:
+        """All rows that may be among the first k, rounding allowed for, in rising order."""
+        closeness = self._half - query @ self._columns  # half the squared distance, less a constant
+        margin = _ROUNDING * (query @ query + self._largest)
+        return np.flatnonzero(closeness <= np.partition(closeness, k - 1)[k - 1] + margin)
 
 
 def neighbors_in_flight(

@@ -123,9 +123,8 @@ class Bench:
         return summarize(estimates, self.test.position, self.test.diagonal, rng=rng, draws=400)
 
     def _runs(self, setting: dict[str, Any]) -> list[Track]:
-        repeats = self.repeats
-        if any((setting[key] or 0) > most for key, most in _SLOW.items()):
-            repeats = max(3, repeats // 3)
+        slow = any((setting[key] or 0) > most for key, most in _SLOW.items())
+        repeats = max(3, self.repeats // 3) if slow else self.repeats
         frames = self.full if setting["samples"] is None else self.frames
         with working_on():  # timed: nothing runs beside
             return tracks(self.wide, frames, repeats=repeats, seed=self.seed, **setting)
@@ -156,19 +155,16 @@ def choose_setting(bench: Bench) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """
     drawn = (bench.defaults["samples"], None) if bench.test.has_images else (None,)
     counts = [k for k in GRID["neighbors"] if k <= bench.wide.neighbors]
-    settings = [
-        dict(zip(_CHOSEN, chosen, strict=True))
-        for chosen in product(drawn, GRID["particles"], counts)
-    ]
+    grid = product(drawn, GRID["particles"], counts)
+    settings = [dict(zip(_CHOSEN, chosen, strict=True)) for chosen in grid]
     replayed = spread(partial(_replayed, bench.wide, bench.seed), settings, "settings")
     errors = [error for error in replayed if error is not None]
     if len(errors) < len(settings):
         return [], {"tuned_error_cm": None}
     best = settings[int(np.argmin(errors))]
     tuned = bench.errors(best)
-    return [
-        setting | {"replayed_cm": error} for setting, error in zip(settings, errors, strict=True)
-    ], {"tuned": tuned, "tuned_error_cm": tuned["axis_mean_cm"], "tuned_setting": best}
+    rows = [row | {"replayed_cm": error} for row, error in zip(settings, errors, strict=True)]
+    return rows, {"tuned": tuned, "tuned_error_cm": tuned["axis_mean_cm"], "tuned_setting": best}
 
 
 def _replayed(texton_map: TextonMap, seed: int, setting: dict[str, Any]) -> float | None:
