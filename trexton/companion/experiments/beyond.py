@@ -39,10 +39,9 @@ from trexton.localization.methods import make
 from trexton.localization.training import for_method, with_choices, with_parts
 
 WIDE_M = 0.25  # process noise and rank widths of the ablations
-SETTLED = 25  # frames, two seconds, before one is chosen to be drawn
-RIGHT_M = 0.3  # an error that still counts as right
+SETTLED = 25  # frames, two seconds, that are flown before a kidnapping
 FEWEST = 0.01  # weight of a hypothesis that is drawn
-STEPS, APART = range(-4, 4), 4  # frames that the figure steps through, so many apart
+BEFORE, AFTER = 2, 6  # frames that are drawn around a kidnapping
 
 
 @dataclass(frozen=True)
@@ -113,9 +112,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
         for name, runs in flights.items()
     }
-    stepped, still = _ambiguous(changed["field"], test, frames, parameters)
-    series: dict[str, Any] = {"errors_cm": errors_cm, "area_m": changed["field"].area}
-    series |= {"frames": stepped, "still": still}
+    stepped = _kidnapped(changed["field"], test, frames, parameters)
+    series = {"errors_cm": errors_cm, "area_m": changed["field"].area, "frames": stepped}
     return parameters.record(train, test, values=values, series=series, timings=timings)
 
 
@@ -147,49 +145,49 @@ def _protocol() -> dict[str, Any]:
     return {"rules": written["rules"], "evaluations": evaluations, "count": len(evaluations)}
 
 
-def _ambiguous(
+def _kidnapped(
     texton_map: TextonMap, test: Flight, frames: Sequence[np.ndarray], parameters: Parameters
-) -> tuple[list[dict[str, Any]], int]:
-    """The frame whose likelihood is spread widest among those that end up at the right place.
+) -> list[dict[str, Any]]:
+    """Frames around a kidnapping: from where it is farthest to the frame whose likelihood is spread
+    widest, so that several hypotheses remain for a while.
 
     Returns
     -------
     frames : list of dict
-        It and some around it: ``number``, ``histogram``, ``truth_m`` and ``estimate_m``; the
-        ``likelihood`` over the floor, the largest 1, row 0 at the smallest y; hypotheses ``before``
-        and ``after``, each with ``weight``, ``mean_m`` and ``covariance_m2``.
-    still : int
-        Which of them it is.
+        ``number``, ``histogram``, ``truth_m`` and ``estimate_m``; the ``likelihood`` over the
+        floor, the largest 1, row 0 at the smallest y; hypotheses ``before`` and ``after``, each
+        with ``weight``, ``mean_m`` and ``covariance_m2``.
     """
     rng = stream(parameters.seed, "flight", 0)  # the run that is quoted
     localizer = Localizer(texton_map, samples=parameters.samples, rng=rng)
     tracks, field = localizer.filter, localizer.parts["measurement"]
     assert isinstance(tracks, TrackFilter) and isinstance(field, Field)
+    observations = [localizer.observation(frame) for frame in frames]
+    posteriors = (field.log_posterior(each) for each in observations)
+    likely = np.array([np.exp(each - each.max()) for each in posteriors])
+    shares = likely / likely.sum(axis=1, keepdims=True)
+    widths = shares @ np.square(field.centers).sum(axis=1)
+    widths -= np.square(shares @ field.centers).sum(axis=1)
+    begin = int(widths[: len(widths) - AFTER + 1].argmax())
+    away = np.nan_to_num(np.hypot(*(test.position - test.position[begin]).T))
+    away[: min(SETTLED, len(away) // 2)] = 0
+    end = int(away.argmax())
     seen: list[dict[str, Any]] = []
-    chosen, widest = 0, -1.0
-    for number, (frame, truth) in enumerate(zip(frames, test.position, strict=True)):
-        before, observation = _drawn(tracks.hypotheses), localizer.observation(frame)
+    for number in (*range(max(0, end - SETTLED), end), *range(begin, begin + AFTER)):
+        before, observation = _drawn(tracks.hypotheses), observations[number]
         estimate = localizer.advance(observation)
-        log_posterior = field.log_posterior(observation)
-        share = np.exp(log_posterior - log_posterior.max())
-        mean = share @ field.centers / share.sum()
-        width = float(share @ np.square(field.centers - mean).sum(axis=1) / share.sum())
-        right = number >= SETTLED and np.hypot(*(estimate.position - truth)) < RIGHT_M
-        if right and width > widest:
-            chosen, widest = number, width
         seen.append(
             {
                 "number": number,
                 "histogram": observation.histogram,
-                "likelihood": share.reshape(field.shape).T.round(3),
+                "likelihood": likely[number].reshape(field.shape).T.round(3),
                 "before": before,
                 "after": _drawn(tracks.hypotheses),
-                "truth_m": truth,
+                "truth_m": test.position[number],
                 "estimate_m": estimate.position,
             }
         )
-    rows = [row for step in STEPS if 0 <= (row := chosen + APART * step) < len(seen)]
-    return [seen[row] for row in rows], rows.index(chosen)
+    return seen[-BEFORE - AFTER :]
 
 
 def _drawn(hypotheses: Hypotheses) -> list[dict[str, Any]]:
@@ -240,9 +238,10 @@ def errors(record: Record) -> Figure:
 def one_frame(record: Record) -> Figure:
     """The histogram; its likelihood over the floor; hypotheses before and after the frame.
 
-    Frames around it are drawn too, hidden: a page steps through them.
+    The first frame with the most after it is shown; a page steps through the others, hidden.
     """
-    still, area = record.series["still"], record.series["area_m"]
+    frames, area = record.series["frames"], record.series["area_m"]
+    still = int(np.argmax([len(each["after"]) for each in frames]))
     with canvas(2, 2, size=(PHONE_WIDTH, 4.4)) as (figure, axes):  # no other for phones
         counts, likely, before, after = axes.flat
         counts.set(title="1. Histogram", xlabel="texton", ylabel="patches (%)")
@@ -250,7 +249,7 @@ def one_frame(record: Record) -> Figure:
         for plot, title in zip((likely, before, after), titles, strict=True):
             floor_axes(plot, area)
             plot.set_title(title)
-        for step, seen in enumerate(record.series["frames"]):
+        for step, seen in enumerate(frames):
             with layer(figure, step, shown=step == still):
                 _draw_frame(list(axes.flat), seen, area)
     return figure

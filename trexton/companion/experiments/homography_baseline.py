@@ -39,13 +39,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         if len(offset := offset[np.isfinite(offset)]):  # a heading may be known where no tilt is
             values["tilt_offset_cm"] = 100 * float(offset.mean())
     extent, drawn = map_picture(picture, 900)
-    return parameters.record(
-        train,
-        test,
-        values=values,
-        series={"mosaic_m": position, "truth_m": test.position, "area_m": test.area, "map": extent},
-        images={"map": drawn},
-    )
+    series = {"mosaic_m": position, "truth_m": test.position, "area_m": test.area, "map": extent}
+    return parameters.record(train, test, values=values, series=series, images={"map": drawn})
 
 
 def finding(record: Record) -> str:
@@ -74,7 +69,7 @@ EXPERIMENT = Experiment(
     Parameters,
     run,
     finding,
-    needs=IMAGES,
-    after=("mosaic", "mocap_training"),
+    IMAGES,
+    ("mosaic", "mocap_training"),
     cost_s=130,
 )

@@ -55,28 +55,21 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     values, timings = _headlines(sweeps, bench)
     grid, tuned = choose_setting(bench)
     clocks = time_stored(bench, parameters.stored)
-    return parameters.record(
-        train,
-        test,
-        values=values
-        | tuned
-        | {
-            "default": errors_of(bench.quoted, test, parameters.seed),
-            "camera_hz": 1 / np.median(np.diff(test.time)),
-            "applies": {"samples": test.has_images},
-            "counts": {"train": len(train), "test": len(test)},
-        },
-        series={name: sweep.rows for name, sweep in sweeps.items()} | {"grid": grid},
-        timings=timings
-        | {
-            "knn_tree_ms": clocks[-1]["tree"]["query_ms"],
-            "knn_brute_force_ms": clocks[-1]["brute"]["query_ms"],
-            "frequency_fewest_histograms_hz": clocks[0]["brute"]["frequency_hz"],
-            "frequency_most_histograms_hz": clocks[-1]["brute"]["frequency_hz"],
-            "stored": clocks,
-        }
-        | {name: sweep.clocks for name, sweep in sweeps.items()},
-    )
+    values |= tuned | {
+        "default": errors_of(bench.quoted, test, parameters.seed),
+        "camera_hz": 1 / np.median(np.diff(test.time)),
+        "applies": {"samples": test.has_images},
+        "counts": {"train": len(train), "test": len(test)},
+    }
+    timings |= {name: sweep.clocks for name, sweep in sweeps.items()} | {
+        "knn_tree_ms": clocks[-1]["tree"]["query_ms"],
+        "knn_brute_force_ms": clocks[-1]["brute"]["query_ms"],
+        "frequency_fewest_histograms_hz": clocks[0]["brute"]["frequency_hz"],
+        "frequency_most_histograms_hz": clocks[-1]["brute"]["frequency_hz"],
+        "stored": clocks,
+    }
+    series = {name: sweep.rows for name, sweep in sweeps.items()} | {"grid": grid}
+    return parameters.record(train, test, values=values, series=series, timings=timings)
 
 
 def _headlines(sweeps: dict[str, Sweep], bench: Bench) -> tuple[dict[str, Any], dict[str, Any]]:

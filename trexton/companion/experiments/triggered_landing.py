@@ -62,13 +62,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     paper = Lander(map_of(train, parameters), zone, options)
     flown = fly_all(mission, {"paper": paper, "perfect": Lander(None, zone)}, parameters.landings)
     floor, pictures = floor_picture(train)
-    return parameters.record(
-        train,
-        values=summarize_attempts(flown["paper"], parameters)
-        | {"perfect": summarize_attempts(flown["perfect"], parameters)},
-        series=_series(flown["paper"], parameters) | {"area_m": train.area} | floor,
-        images=pictures,
-    )
+    values = summarize_attempts(flown["paper"], parameters)
+    values |= {"perfect": summarize_attempts(flown["perfect"], parameters)}
+    series = _series(flown["paper"], parameters) | {"area_m": train.area} | floor
+    return parameters.record(train, values=values, series=series, images=pictures)
 
 
 def summarize_attempts(attempts: list[Attempt], parameters: LandingParameters) -> dict[str, Any]:

@@ -219,11 +219,5 @@ def truth_in_the_region(record: Record) -> Figure:
 
 
 EXPERIMENT = Experiment(
-    "Honest uncertainty",
-    Parameters,
-    run,
-    finding,
-    needs=POSITIONS,
-    after=("mocap_training",),
-    cost_s=40,
+    "Honest uncertainty", Parameters, run, finding, POSITIONS, ("mocap_training",), cost_s=40
 )
