@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 
 import numpy as np
 
@@ -31,8 +32,10 @@ def ardupilot_log(rows: int = 20) -> bytes:
     return text
 
 
-def px4_log(rows: int = 20) -> bytes:
-    """A ULog: head, format, subscription, rows, the first without a position."""
+def px4_log(rows: int = 20, reference: Callable[[int], tuple[float, float]] | None = None) -> bytes:
+    """A ULog: head, format, subscription, rows, the first without a position. Of each row
+    `reference` gives the latitude, and metres to the north by which it moves what is logged.
+    """
     columns = "uint64_t timestamp;double ref_lat;double ref_lon;"
     columns += "float x;float y;float z;float heading;bool xy_valid;"
 
@@ -43,7 +46,9 @@ def px4_log(rows: int = 20) -> bytes:
     text += message("F", f"vehicle_local_position:{columns}".encode())
     text += message("A", struct.pack("<BH", 0, 1) + b"vehicle_local_position")
     for i in range(rows):
-        row = struct.pack("<QddffffB", 10**5 * i, 47.0, 8.0, i, 2.0, -10.0, np.pi / 2, i > 0)
+        latitude, moved = reference(i) if reference else (47.0, 0.0)
+        place = (i + moved, 2.0, -10.0)
+        row = struct.pack("<QddffffB", 10**5 * i, latitude, 8.0, *place, np.pi / 2, i > 0)
         text += message("D", struct.pack("<H", 1) + row)
     return text
 

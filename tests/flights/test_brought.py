@@ -207,7 +207,7 @@ def test_frames_that_a_repair_leaves_out_are_named(tmp_path):
     cut.write_bytes(cut.read_bytes()[:40])
     done = repair_flight(tmp_path / "out", tmp_path / "mended")
     assert done[0].startswith("1 frame left out whose image cannot be read")
-    assert done[1].endswith("is the one before to the byte (frames.csv, row 8 to 10)")
+    assert done[1].endswith("is the one before, or blank (frames.csv, row 8 to 10)")
     np.testing.assert_allclose(read_flight(tmp_path / "mended").frame, [0, 1, 2, 4, 5])
 
 

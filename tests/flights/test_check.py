@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton.flights.check import check_flight
+from trexton.base.errors import FlightError
+from trexton.flights.check import check_flight, repair_flight
 from trexton.flights.folder import read_flight
 from trexton.flights.importing import import_flight
 from trexton.flights.writing import write_flight
@@ -217,7 +218,24 @@ def test_a_camera_that_was_frozen_for_a_while_is_noticed(image_folder):
     for number in (3, 4):
         shutil.copyfile(pictures / "0002.jpg", pictures / f"{number:04d}.jpg")
     (warning,) = [line for line in check_flight(image_folder).warnings if "frozen" in line]
-    assert "2 pictures like the one before to the byte (first: frames.csv, row 5)" in warning
+    assert (
+        "2 pictures like the one before to the byte, or blank (first: frames.csv, row 5)" in warning
+    )
+
+
+def test_blank_pictures_are_named_and_left_out(image_folder, tmp_path):
+    """A capped lens, or a frame that a driver filled: of one value, but for compression."""
+    for number in (1, 4):
+        file = image_folder / "images" / f"{number:04d}.jpg"
+        cv2.imwrite(str(file), np.full_like(cv2.imread(str(file)), 10 * number))
+    (warning,) = [line for line in check_flight(image_folder).warnings if "blank" in line]
+    assert "2 pictures like the one before to the byte, or blank (first" in warning
+    repair_flight(image_folder, tmp_path / "mended")
+    assert 1 not in (frames := read_flight(tmp_path / "mended").frame) and 4 not in frames
+    for file in (image_folder / "images").iterdir():
+        cv2.imwrite(str(file), np.zeros_like(cv2.imread(str(file))))
+    with pytest.raises(FlightError, match="all are blank"):
+        repair_flight(image_folder, tmp_path / "none")
 
 
 @pytest.mark.parametrize(("bits", "words"), [(12, "6 pictures of 6 darker than 24"), (16, "")])

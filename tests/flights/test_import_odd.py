@@ -210,7 +210,7 @@ def test_rows_without_an_image_are_positions_between_the_frames(tmp_path):
     rows = [f"{i},{i * i},0,{f'{i // 2}.png' if i % 2 == 0 else ' '}" for i in range(11)]
     import_flight(table(tmp_path / "some", rows), tmp_path / "flight")
     assert read_flight(tmp_path / "flight").position[:, 0].tolist() == [0, 4, 16, 36, 64, 100]
-    with pytest.raises(TrextonError, match="no row of column 'image' names an image"):
+    with pytest.raises(TrextonError, match="no row of 'image' names an image"):
         import_flight(table(tmp_path / "none", ["1,0,0,", "2,0,1,"]), tmp_path / "other")
 
 

@@ -83,8 +83,7 @@ def _update(flight: Flight, options: TrainOptions, choices: dict[str, Any], outp
     from trexton.localization.map_files import load_map
     from trexton.localization.renewal import renewed
 
-    own = TrainOptions(update=options.update, seed=options.seed)
-    if choices or options != own:
+    if choices or options != TrainOptions(update=options.update, seed=options.seed):
         raise ParameterError("--update renews a map as it is: leave other options out, but --seed")
     old = load_map(str(options.update))
     made, replaced = renewed(old, flight, rng=stream(options.seed, "training"))

@@ -24,6 +24,7 @@ from trexton.vision.threads import ahead
 from trexton.vision.time_offset import small
 
 MOST_ROUNDS = 10  # a repair may uncover what another repairs
+BLANK = 4  # of 255: what shows anything differs by more, and by noise alone where a lens is capped
 DARK = 24  # of 255: nearly all of a picture of 12 bits is below, read as one of 16
 
 
@@ -63,9 +64,11 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
         found.append(("images", ", ".join(counts) or "none readable"))
     faults, warnings = reading.faults + list(unusable.values()), reading.warnings
     if frozen:
-        said = f"{count_of(len(frozen), 'picture')} like the one before to the byte"
+        said = f"{count_of(len(frozen), 'picture')} like the one before to the byte, or blank"
         said += f" (first: frames.csv, row {frozen[0]})"
-        warnings.append(f"{path}: {said}: where the camera was frozen, leave the frames out")
+        warnings.append(
+            f"{path}: {said}: where the camera was frozen or capped, leave the frames out"
+        )
     if dark > sizes.total() / 2:
         pictures = f"{count_of(dark, 'picture')} of {sizes.total()} darker than {DARK} of 255"
         warnings.append(f"{path}: {pictures}: 12 bits in 16? stretch them, or expose longer")
@@ -83,8 +86,8 @@ def _images(
     reading: Reading,
 ) -> tuple[Counter[tuple[int, int]], dict[int, str], list[int], int, list[np.ndarray]]:
     """What decoding every image shows: how many are of each size; by its row in frames.csv, what
-    keeps one from being used; the rows whose picture is the one before to the bit; how many are
-    dark; and `small` ones of the first.
+    keeps one from being used; the rows whose picture is the one before to the bit, or blank; how
+    many are dark; and `small` ones of the first.
     """
     places: dict[int, tuple[Path, tuple[int, int]]] = {}
     unusable, frozen, before, dark, first = {}, [], np.empty(0), 0, []
@@ -93,7 +96,7 @@ def _images(
         if isinstance(image, ImageError):
             unusable[row] = f"frames.csv, row {row}: {image}"
             continue
-        if np.array_equal(image, before):
+        if np.array_equal(image, before) or np.ptp(image[::4, ::4, 0]) < BLANK:
             frozen.append(row)
         before = image
         dark += bool(np.quantile(image[::4, ::4, 0], 0.99) < DARK)
@@ -171,8 +174,10 @@ def repair_flight(
     flight, (_, unusable, frozen, _, first) = reading.flight, _images(reading)
     if left_out := {*unusable, *frozen}:
         if len(left_out) == len(flight):
-            raise FlightError(f"{path}/{next(iter(unusable.values()))}")
-        unread, same = "cannot be read or has another size", "is the one before to the byte"
+            raise FlightError(
+                f"{path}/{next(iter(unusable.values()), 'frames.csv: all are blank')}"
+            )
+        unread, same = "cannot be read or has another size", "is the one before, or blank"
         for rows, why in ((unusable, unread), (frozen, same)):
             if rows:
                 named = f"frames.csv, row {ranges(np.array(sorted(rows)))}"

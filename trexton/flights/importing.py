@@ -183,16 +183,33 @@ def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]
     if farthest > FARTHEST:
         far = f"a position is {farthest:g} m from the origin: no such place on Earth"
         raise FlightError(f"{recording.source}: {far}, correct it or name its unit")
-    track, said = _without_lost(stamps, recording.track.shifted(common.offset))
+    track, held = _between_fixes(recording.track.shifted(common.offset))
+    track, lost = _without_lost(stamps, track)
     placed, gap_s = match(stamps, track, common.tolerance)
     count = np.isfinite(placed.position[:, 0]).sum()
     found = f"{count} of {len(stamps)} frames have a position"
-    said.append(f"{found}, largest gap between positions used {gap_s:.3f} s")
+    said = [*held, *lost, f"{found}, largest gap between positions used {gap_s:.3f} s"]
     step = float(np.median(np.diff(track.time_ns, prepend=track.time_ns[0]))) / NANO
     if count < len(stamps) / 2 and step > 2 * common.tolerance:
         apart = f"positions come {step:.3g} s apart"
         said.append(f"{apart}: give --tolerance {step / 2:.2g}, or --time-unit")
     return placed, said
+
+
+def _between_fixes(track: PoseTrack) -> tuple[PoseTrack, list[str]]:
+    """The track on its way from fix to fix, where rows repeat the last, as subtitles do of a slow
+    receiver. Longer stops stay; nothing is known after the last fix.
+    """
+    place, time = track.position[:, :2], track.time_ns / NANO
+    fixes = np.flatnonzero((np.diff(place, axis=0, prepend=np.nan) != 0).any(axis=1))
+    held = np.diff(fixes)
+    usual = int(np.median(held)) if len(held) > 10 else 1
+    if usual < 2 or (np.abs(held - usual) > 1 + usual / 10).mean() > 0.1:
+        return track, []
+    known = np.union1d(fixes, fixes[1:][held > 1.5 * usual] - usual)  # where it goes on from a stop
+    way = [np.interp(time, time[known], each, right=np.nan) for each in place[known].T]
+    said = f"positions are new every {usual} rows and repeat between: taken on the way instead"
+    return replace(track, position=np.column_stack([*way, track.position[:, 2]])), [said]
 
 
 def _without_lost(stamps: np.ndarray, track: PoseTrack) -> tuple[PoseTrack, list[str]]:
@@ -217,8 +234,7 @@ def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
         return {}
     trained = round(share * count)
     if not 0 < trained < count:
-        left = f"split is {share:g}, which leaves none of {count} frames for a part"
-        raise ParameterError(f"{left}: choose another share, or none")
+        raise ParameterError(f"split {share:g} of {count} frames leaves a part none: give another")
     return {"train": (0, trained - 1), "test": (trained, count - 1)}
 
 

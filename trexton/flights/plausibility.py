@@ -120,8 +120,7 @@ def _heights(flight: Flight) -> Iterator[str]:
     usual, below = float(np.median(height)), height < 0
     if not height.any():
         said = f"all {len(rows)} heights are 0: write metres above the floor, or leave z_m out"
-        left_out = "heights left out, which are all 0"
-        yield Doubt(said, left_out, lambda flight: replace(flight, height=None))
+        yield Doubt(said, "heights left out, all 0", lambda flight: replace(flight, height=None))
     elif below.mean() > 0.5:
         first = _first(flight, rows, below)
         said = f"{below.sum()} of {len(rows)} heights are negative (first: frame {first})"

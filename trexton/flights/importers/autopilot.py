@@ -121,8 +121,7 @@ def _ardupilot(path: Path) -> PoseTrack | None:
     table, attitude = np.array(rows[kind]), None
     if len(angled):
         angles = np.unwrap(np.radians(angled[:, 1:]), axis=0) * (1, 1, -1)
-        time, angled_s = table[:, 0], angled[:, 0]
-        attitude = np.column_stack([np.interp(time, angled_s, each) for each in angles.T])
+        attitude = np.column_stack([np.interp(table[:, 0], angled[:, 0], one) for one in angles.T])
     if "Lat" in _MESSAGES[kind]:
         return _earthly(table, attitude)
     stamps = nanoseconds(table[:, 0])
@@ -158,13 +157,13 @@ def _px4(path: Path) -> PoseTrack | None:
             np.asarray(data[name], dtype=float)[good]
             for name in ("x", "y", "z", "ref_lat", "ref_lon")
         )
-    known = len(latitude) and np.isfinite([latitude[-1], longitude[-1]]).all() and latitude[-1]
-    return PoseTrack(
-        stamps * 1000,
-        np.column_stack([east, north, -down]),
-        np.column_stack([0 * heading, 0 * heading, -heading]),
-        (float(latitude[-1]), float(longitude[-1])) if known else None,
-    )
+    place, origin = np.column_stack([east, north, -down]), None
+    if len(known := np.flatnonzero(np.isfinite(latitude + longitude) & (latitude != 0))):
+        degrees = (np.interp(stamps, stamps[known], each[known]) for each in (latitude, longitude))
+        moved, origin = local_metres(*degrees)  # the reference may be set anew in flight
+        place[:, :2] += moved
+    angles = np.column_stack([0 * heading, 0 * heading, -heading])
+    return PoseTrack(stamps * 1000, place, angles, origin)
 
 
 _READERS = {".bin": _ardupilot, ".srt": _subtitles, ".ulg": _px4}

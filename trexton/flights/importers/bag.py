@@ -234,8 +234,7 @@ def _decoded(where: str, message: tuple[int, int, Any]) -> np.ndarray:
             raise FlightError(f"{where} cannot be decoded ({why})")
         return image
     if item.encoding.lower() not in _ENCODINGS:
-        known = ", ".join(_ENCODINGS)
-        raise FlightError(f"{where} is encoded as {item.encoding!r}: expected {known}")
+        raise FlightError(f"{where} is in {item.encoding!r}: expected {', '.join(_ENCODINGS)}")
     kind, channels, conversion = _ENCODINGS[item.encoding.lower()]
     kind = (">" if item.is_bigendian else "<") + kind
     rows, columns, step = int(item.height), int(item.width), int(item.step)

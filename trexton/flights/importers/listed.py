@@ -167,9 +167,7 @@ class Table:
         names = np.array(table.texts(settings.image), dtype=object)
         pictured = names != ""  # the other rows are positions between the frames
         if not pictured.any():
-            raise FlightError(
-                f"{source}: no row of column {settings.image!r} names an image: name them"
-            )
+            raise FlightError(f"{source}: no row of {settings.image!r} names an image: name them")
         stamps = settings.stamps(table, known := list[str]())
         if 1 < len(different := np.unique(stamps)) < len(stamps) / 2:
             step = int(np.diff(different).min())

@@ -179,8 +179,7 @@ def _without_bands(files: list[Path], shots: dict[Path, Shot]) -> tuple[list[Pat
     stems = all(len({_BAND.sub("", file.stem) for file in group}) == 1 for group in groups)
     if usual < 3 or often < 0.8 * len(groups) or not (mixed or stems):
         return files, []
-    coloured = SUFFIXES[:2]
-    kept = {min(group, key=lambda file: file.suffix.lower() not in coloured) for group in groups}
+    kept = {min(group, key=lambda own: own.suffix.lower() not in SUFFIXES[:2]) for group in groups}
     chosen = [file for file in files if file in kept]
     said = f"{usual} bands of one shutter at one place: kept {chosen[0].name} and its like"
     return chosen, [f"{said}, left out {len(files) - len(chosen)} files"]
@@ -291,5 +290,4 @@ def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] |
     attitude = attitude_from_quaternions(to_world.as_quat(), AXES["camera"])
     scale = "" if origin else "; its unit and axes are its own, unless it was aligned"
     said = [f"{path}: {len(names)} poses of a reconstruction{several}{scale}"]
-    zero = np.zeros(len(names), dtype=np.int64)
-    return names, PoseTrack(zero, centres, attitude, origin), said
+    return names, PoseTrack(np.zeros(len(names), np.int64), centres, attitude, origin), said

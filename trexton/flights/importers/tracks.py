@@ -71,6 +71,8 @@ class TrackColumns(Options):
             wraps = np.abs(np.abs(np.diff(yaw)) - 2 * np.pi) < 0.2
             if degrees and largest < 6.3 and wraps.any():
                 said.append(f"{found} wraps: radians? leave --degrees out")
+            if re.match(r"(?i)heading|course|azimuth|compass", self.yaw):
+                said.append(f"{found} taken as anticlockwise: of a compass? put - before its name")
             yaw = np.radians(yaw) if degrees else yaw
             attitude = np.column_stack([np.zeros((len(yaw), 2)), yaw])
         track, order = PoseTrack(stamps, position, attitude).ordered(where, lines)
