@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 
@@ -35,6 +36,16 @@ LONG = {
     "test_contributing.py", "test_floors.py", "test_installed.py", "test_mosaic.py",
     "test_prose.py", "test_sweep.py", "test_workflow.py",
 }  # fmt: skip
+
+
+def pytest_configure() -> None:
+    """What is imported and collected lives to the end: no need to look for garbage in it."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(trylast=True)

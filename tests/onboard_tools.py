@@ -82,7 +82,7 @@ def field_map() -> TextonMap:
 
     with tempfile.TemporaryDirectory() as folder:
         flight = record_flight(
-            f"{folder}/survey", frames=800, seed=1, camera=CAMERA, floor=colourful_floor()
+            f"{folder}/survey", frames=500, seed=1, camera=CAMERA, floor=colourful_floor()
         )
         return train_map(
             flight, method="field", n_textons=16, rng=np.random.default_rng(1),

@@ -59,13 +59,13 @@ def names(tmp_path_factory):
     seen by a camera of a quarter of the pixels.
     """
     folder = tmp_path_factory.mktemp("clone")
-    hall = cv2.resize(Floor.painted().picture.image, (1280, 1280), interpolation=cv2.INTER_AREA)
+    hall = cv2.resize(Floor.painted().picture.image, (960, 960), interpolation=cv2.INTER_AREA)
     cv2.imwrite(str(folder / "hall.png"), hall)
     floor = Floor.from_file(folder / "hall.png", 5.0)
     camera = Camera(width=320, height=240, focal=260.0)
     flight = record_flight(
         folder / "data" / "flights" / "sim-survey",
-        frames=40,
+        frames=32,
         every=4,
         floor=floor,
         camera=camera,

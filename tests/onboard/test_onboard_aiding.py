@@ -162,17 +162,20 @@ def test_what_a_camera_is_late_by_is_no_deadline_that_the_computer_missed(fine, 
     assert tally["frames"] and not tally["late"] and summary["latency_s"]["median"] > 12.0
 
 
-@pytest.mark.parametrize("drift", [0.0, 0.5])
-def test_a_velocity_that_the_frames_contradict_is_counted_and_said_once(drift, capsys):
-    def flown(name, count, start, seed):
-        places, time = path(count, start)
-        seen = look(places, np.random.default_rng(seed))
-        return Flight(name, np.arange(count), time, places, SURVEYED, histograms=seen)
+def shown(name, count, start, seed) -> Flight:
+    places, time = path(count, start)
+    seen = look(places, np.random.default_rng(seed))
+    return Flight(name, np.arange(count), time, places, SURVEYED, histograms=seen)
 
-    later = flown("later", 120, 51.3, 9)
-    texton_map = train_map(
-        flown("survey", 500, 0.0, 2), method="field", rng=np.random.default_rng(1)
-    )
+
+@pytest.fixture(scope="module")
+def surveyed() -> TextonMap:
+    return train_map(shown("survey", 500, 0.0, 2), method="field", rng=np.random.default_rng(1))
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.5])
+def test_a_velocity_that_the_frames_contradict_is_counted_and_said_once(surveyed, drift, capsys):
+    later = shown("later", 120, 51.3, 9)
     velocity = np.gradient(later.position, later.time, axis=0) + [drift, 0.0]
 
     class Told(Kept):
@@ -180,7 +183,7 @@ def test_a_velocity_that_the_frames_contradict_is_counted_and_said_once(drift, c
             row = int(np.abs(later.time - time).argmin())
             return Aiding(velocity=velocity[row], velocity_time=time)
 
-    localizer = Localizer(texton_map, rng=np.random.default_rng(2))
+    localizer = Localizer(surveyed, rng=np.random.default_rng(2))
     fixes, tally, _ = run(localizer, FlightSource(later), sink=Told(), aiding="all")
     said = capsys.readouterr().err.count("velocity contradicted by the frames, off_m_s 0.")
     assert len(fixes) == 120

@@ -42,8 +42,14 @@ def floor() -> MapImage:
 
 
 @pytest.fixture(scope="module")
-def localizer(floor) -> HomographyLocalizer:
-    return HomographyLocalizer(floor)
+def localizers(floor) -> dict[float, HomographyLocalizer]:
+    """By scale."""
+    return {scale: HomographyLocalizer(floor, scale=scale) for scale in (1.0, 0.5)}
+
+
+@pytest.fixture(scope="module")
+def localizer(localizers) -> HomographyLocalizer:
+    return localizers[1.0]
 
 
 POSES = [
@@ -57,9 +63,9 @@ POSES = [
 @pytest.mark.parametrize("scale", [1.0, 0.5])
 @pytest.mark.parametrize("position, attitude", POSES)
 def test_the_fix_is_the_floor_point_of_the_frames_centre(
-    floor, localizer, position, attitude, scale
+    floor, localizers, position, attitude, scale
 ):
-    chosen = localizer if scale == 1 else HomographyLocalizer(floor, scale=scale)
+    chosen = localizers[scale]
     frame = view(floor, position, attitude)
     center = [[(CAMERA.width - 1) / 2, (CAMERA.height - 1) / 2]]
     expected = transform_points(

@@ -23,18 +23,21 @@ from trexton.companion.provenance import machine
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.localizer import Localizer
 from trexton.localization.particle_parts import MaximumAPosteriori
+from trexton.simulator.floor import Floor
 from trexton.simulator.recording import record_flight
-from trexton.vision.camera import Camera
+from trexton.vision.camera import Camera, MapImage
 from trexton.vision.threads import thread_count
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
-    """Of a short flight of small images."""
+    """Of a short flight of small images over a corner of the hall."""
     scene = Scene(tmp_path_factory.mktemp("bench"), frames=40)
+    corner = Floor.painted().picture.image[:1024, :1024]
     scene.flight = record_flight(
-        scene.folder / "flight", frames=40, seed=1, camera=Camera(320, 240, 260.0)
-    )
+        scene.folder / "flight", frames=40, seed=1,
+        camera=Camera(320, 240, 260.0), floor=Floor(MapImage.from_extent(corner, 0.0, 2.0, 512)),
+    )  # fmt: skip
     return scene
 
 

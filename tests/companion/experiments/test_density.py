@@ -65,6 +65,7 @@ def test_the_long_run_is_kept_and_can_be_shown():
 
 def test_painted_floors_are_other_floors(flight, record, monkeypatch):
     monkeypatch.setattr(floors, "Camera", lambda: CAMERA)
+    monkeypatch.setattr(density, "FIRST_FLOOR", 0)  # which other tests paint too
     monkeypatch.setattr(density, "TIMES", density.TIMES[:1])
     painted = density.run(flight, flight, density.Parameters(floors=1, **CHOSEN)).values
     assert painted["floors"] == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from trexton.companion.build import notebook
 from trexton.companion.experiments import fine
 from trexton.companion.experiments.rates import wilson_interval
 from trexton.simulator.recording import record_flight
+from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera
 
 
@@ -21,7 +23,9 @@ def record(tmp_path_factory):
             tmp_path_factory.mktemp("flights") / "again",
             pattern="waypoints", frames=34, camera=Camera(160, 120, 130.0),
         )  # fmt: skip
-        # Stitching has tests of its own.
+        # Stitching has tests of its own, and a camera of fewer pixels is as good.
+        camera = Camera(320, 240, 260.0)
+        patch.setattr(fine, "Simulator", partial(Simulator, camera=camera))
         patch.setattr(fine, "stitched_map", lambda train: SimpleNamespace(map=train.floor))
         parameters = fine.Parameters(floors=1, frames=50, training=50, kidnappings=1)
         return fine.run(flight, flight, parameters)

@@ -20,7 +20,6 @@ from trexton.companion.experiments import suitability, virtual_flights
 from trexton.companion.experiments.floors import named_floor
 from trexton.companion.experiments.suitability import measured_over_predicted, predicted_errors
 from trexton.companion.experiments.virtual_flights import (
-    LATER,
     VirtualFlights,
     first_prediction,
     judge_floor,
@@ -32,17 +31,19 @@ from trexton.vision.camera import Camera
 from trexton.vision.threads import usable_cores
 
 SMALL = VirtualFlights(frames=100, test_frames=30)
+LATER = 2
 
 
 @pytest.fixture(scope="module", autouse=True)
-def small_camera():
-    """A seventh of the pixels."""
+def small_flights():
+    """A sixteenth of the pixels, and two flights after each survey."""
 
     def smaller(*arguments, camera, **more):
-        return record_flight(*arguments, camera=Camera(240, 180, 195.0), **more)
+        return record_flight(*arguments, camera=Camera(160, 120, 130.0), **more)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(virtual_flights, "record_flight", smaller)
+        patch.setattr(virtual_flights, "LATER", LATER)
         yield
 
 
@@ -111,7 +112,7 @@ def test_equal_seeds_judge_equally(picture):
 
 
 def test_names_of_painted_floors():
-    assert named_floor("few:3").area == (0, 5, 0, 5)
+    assert named_floor("hall:4").area == (0, 5, 0, 5)
     for name in ("few", "few:x", "attic:1", "few.png@", "few.png@wide"):
         with pytest.raises(ParameterError):
             named_floor(name)
