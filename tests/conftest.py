@@ -30,12 +30,13 @@ if found := _shared_data():  # as make test says it: pytest by hand runs the sam
     os.environ["TREXTON_DATA"] = str(found)
 
 
-# Files that take longest: begun last, one of them would run on where all else is done.
-LONG = {
-    "test_appearance.py", "test_book.py", "test_closed_loop.py", "test_cluster.py",
-    "test_contributing.py", "test_floors.py", "test_installed.py", "test_mosaic.py",
-    "test_prose.py", "test_sweep.py", "test_workflow.py",
-}  # fmt: skip
+# Files that take longest, the longest first (`--durations`): begun last, one of them would run on
+# where all else is done.
+LONG = [
+    "test_contributing.py", "test_closed_loop.py", "test_installed.py", "test_preflight.py",
+    "test_floors.py", "test_cluster.py", "test_workflow.py", "test_book.py", "test_appearance.py",
+    "test_mosaic.py", "test_held_out.py", "test_prose.py", "test_filter.py", "test_sweep.py",
+]  # fmt: skip
 
 
 def pytest_configure() -> None:
@@ -51,7 +52,8 @@ def pytest_collection_finish() -> None:
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The long files come first, in whatever order they were shuffled."""
-    items.sort(key=lambda item: item.path.name not in LONG)
+    place = {name: number for number, name in enumerate(LONG)}
+    items.sort(key=lambda item: place.get(item.path.name, len(LONG)))
 
 
 @pytest.fixture(scope="session", autouse=True)

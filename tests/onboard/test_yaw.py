@@ -139,7 +139,7 @@ def test_a_vehicle_without_a_compass_flies_by_it(fine, send_yaw):
     )
     talk.listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), 0.0)
     distances = []
-    for frame in range(120):
+    for frame in range(90):
         now = 1.0 + PERIOD * frame
         talk.listener.hear(from_autopilot(attitude(now, (0.0, 0.0, vehicle.yaw))), now)
         estimate = localizer.step(room.render())

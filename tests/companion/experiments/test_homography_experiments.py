@@ -25,7 +25,7 @@ def flights(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TREXTON_CACHE", str(tmp_path_factory.mktemp("cache")))
         # Small pictures: SIFT of the whole hall would take longer than everything else.
-        hall = cv2.resize(Floor.painted().picture.image, (1280, 1280), interpolation=cv2.INTER_AREA)
+        hall = cv2.resize(Floor.painted().picture.image, (960, 960), interpolation=cv2.INTER_AREA)
         cv2.imwrite(str(folder / "hall.png"), hall)
         room = {
             "floor": Floor.from_file(folder / "hall.png", 5.0),
