@@ -62,7 +62,7 @@ def test_figures_and_sentence_come_from_the_record(record):
     ]  # fmt: skip
     text = uncertainty.finding(record)
     assert text.startswith("The paper's filter has 90 % regions") and text.count("cover") == 2
-    assert text.count("a receiver like EKF2") == 2
+    assert text.count("where an autopilot fuses them as PX4 does") == 2
 
 
 @pytest.mark.parametrize("always", [["field"], ["paper", "field"]])

@@ -159,7 +159,7 @@ def finding(record: Record) -> str:
         )
         if "ekf2" in values:
             share = middle(values["ekf2"]["sent"]["inside"])
-            said.append(f"{text}, and {percent(share)} where a receiver like EKF2 fuses them.")
+            said.append(f"{text}, and {percent(share)} where an autopilot fuses them as PX4 does.")
         else:
             said.append(f"{text}. It is always lost, and sends nothing to fuse.")
     return " ".join(said)
