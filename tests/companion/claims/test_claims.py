@@ -221,8 +221,8 @@ def test_the_tables_keep_their_columns_apart_and_offer_filters():
     printed = claim("value", printed=61, measure="the error", better="less")
     rows = judge_all({"cyberzoo": records(q=interval(8, 5, 9))}, [bound, printed])
     first, second = claims_html(rows).split("</tr>")[1:3]
-    assert '<td data-label="It printed"></td>' in first and "at most 10 cm" in first
-    assert '<td data-label="It printed">61</td>' in second
+    assert '<td data-label="Printed"></td>' in first and "at most 10 cm" in first
+    assert '<td data-label="Printed">61</td>' in second
     assert 'data-verdicts="better than the paper"' in second and "8 <small>[5, 9]</small>" in second
     assert "CyberZoo flight (real, unit in doubt)" in counts_html(rows)
     assert '<th scope="row"><span class="verdict reproduced">' in counts_html(rows)

@@ -1,5 +1,7 @@
 """Baselines: each regression does what its name says, and the verdict follows the records."""
 
+from types import SimpleNamespace
+
 import frontier
 import numpy as np
 import pytest
@@ -72,6 +74,13 @@ def test_walks_that_are_not_there_are_said_without_a_path_of_this_machine(monkey
     assert record.values["absent"] and not record.timings
     said = senses.finding(record)
     assert "TREXTON_DATA" in said and "/home" not in said and "Connection" not in said
+
+
+def test_radio_says_by_how_much_the_field_is_worse():
+    field = {"mean_cm": {"value": 150, "low": 120, "high": 180}, "held": {"value": 0.86}}
+    values = {"absent": False, "best": "hmm", "ratio": 1.5, "field": field}
+    said = senses.finding(SimpleNamespace(values=values))
+    assert "150 [120, 180] cm, 1.5 times as much as that of the best simple baseline" in said
 
 
 def test_the_notebook_and_the_claim_name_the_same_data():

@@ -99,7 +99,7 @@ def map_table(records: dict[str, dict[str, Record]], see: Callable[[str, str], s
     """
     flights = sorted(records)
     rows = {claim.id: (claim, findings) for claim, findings in judge_all(records)}
-    lines = [["In the paper", "Here", "It printed", *map(flight_title, flights)]]
+    lines = [["In the paper", "Here", "Printed", *map(flight_title, flights)]]
     lines.append(["---"] * len(lines[0]))
     for item in load_map():
         own = [rows[name] for name in item.claims]

@@ -11,7 +11,7 @@ from trexton.base.records import Record
 from trexton.companion.experiments import baselines
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.public_flights import read_ble
-from trexton.companion.wording import middle, percent
+from trexton.companion.wording import beside, distance, middle, percent
 from trexton.flights.flight import Flight
 from trexton.flights.registry import locate
 
@@ -58,8 +58,11 @@ def finding(record: Record) -> str:
             "The public Bluetooth walks were not there, and could not be fetched. Go online, or "
             "set `TREXTON_DATA` to a folder that holds their files, and run this again."
         )
-    held = percent(middle(record.values["field"]["held"]))
-    return f"{baselines.verdict(record.values)} Its 90 % region covers {held} of the positions."
+    field, ratio = record.values["field"], beside(record.values["ratio"])
+    best = f"that of the best simple baseline, the {baselines.LABELS[record.values['best']]}"
+    covers = f"covers {percent(middle(field['held']))} of the positions"
+    error = distance(field["mean_cm"])
+    return f"The mean error of method field is {error}, {ratio} {best}. Its 90 % region {covers}."
 
 
 EXPERIMENT = Experiment(
