@@ -165,6 +165,11 @@ def test_flights_of_two_days_in_one_are_named():
     late = flight.time + 86400.0 * (np.arange(400) >= 300)
     (doubt,) = warnings(replace(flight, time=late))
     assert "frames 299 and 300 lie 24 hours apart" in doubt and "--split 0.75" in doubt
+    hour = flight.time + 3600 * (np.arange(400) >= 300) - np.ptp(flight.time)  # of another clock
+    late = np.where(np.arange(400) >= 300, hour, flight.time)
+    (doubt,) = warnings(replace(flight, time=late))
+    assert "hours apart: two flights?" in doubt
+    assert not warnings(replace(flight, time=flight.time + 1200.0 * (np.arange(400) >= 300)))
     assert doubt.mend is None
     parted = {"train": (0, 299), "test": (300, 399)}
     assert not warnings(replace(flight, time=late, split=parted))
