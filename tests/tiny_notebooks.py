@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import jupytext
+
 HEAD = """---
 jupytext:
   text_representation:
@@ -57,3 +59,20 @@ def write_notebook(folder: Path, name: str, body: str = BODY, parameters: str = 
     path = folder / f"{name}.md"
     path.write_text(HEAD % (parameters, body.replace("NAME", name).replace("HERE", str(folder))))
     return path
+
+
+def run_here(source, parameters, work, threads):
+    """What `execution.execute` does, the cells run in this process."""
+    cells = [
+        cell.source
+        for cell in jupytext.reads(source.text, "md:myst").cells
+        if cell.cell_type == "code"
+    ]
+    names = {}
+    try:
+        exec(cells[0], names)
+        names |= {**parameters, "out": str(work)}
+        exec("\n".join(cells[1:]), names)
+    except Exception as error:
+        return "partial", repr(error)
+    return "executed", None

@@ -10,13 +10,13 @@ import sys
 from conftest import ROOT
 from patience import eventually
 from tiny_experiment import tiny
-from tiny_notebooks import BODY, write_notebook
+from tiny_notebooks import BODY, run_here, write_notebook
 
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
 
 
-def test_finished_tasks_survive_an_interrupt(flight_folder, tmp_path):
+def test_finished_tasks_survive_an_interrupt(flight_folder, tmp_path, monkeypatch):
     notebooks, mark = tmp_path / "notebooks", tmp_path / "started"
     write_notebook(notebooks, "first")
     slow = f"import time\nfrom pathlib import Path\nPath({str(mark)!r}).touch()\ntime.sleep(60)\n"
@@ -43,6 +43,7 @@ def test_finished_tasks_survive_an_interrupt(flight_folder, tmp_path):
     assert "KeyboardInterrupt" in said and "failed" not in said
 
     write_notebook(notebooks, "second")
+    monkeypatch.setattr("trexton.companion.build.execution.execute", run_here)
     experiments = {
         "first": tiny("F"),
         "second": tiny("S", after=("first",)),
@@ -52,5 +53,6 @@ def test_finished_tasks_survive_an_interrupt(flight_folder, tmp_path):
         tmp_path / "out",
         notebooks=notebooks,
         experiments=experiments,
+        jobs=1,
     )
     assert [outcome.status for outcome in outcomes] == ["reused", "ran"]

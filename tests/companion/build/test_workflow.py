@@ -11,13 +11,12 @@ import subprocess
 import sys
 from dataclasses import replace
 
-import jupytext
 import nbformat
 import pytest
 from conftest import ROOT, small_flight
 from patience import alive, eventually
 from tiny_experiment import tiny
-from tiny_notebooks import BODY, FAILING, write_notebook
+from tiny_notebooks import BODY, FAILING, run_here, write_notebook
 
 from trexton.base.errors import FlightError, ParameterError, TrextonError
 from trexton.cli import main as cli
@@ -58,24 +57,8 @@ def house(tmp_path, flight_folder):
 
 @pytest.fixture
 def without_kernels(monkeypatch):
-    """The cells run in this process: seconds faster where a test is about what runs, not how."""
-
-    def direct(source, parameters, work, threads):
-        cells = [
-            cell.source
-            for cell in jupytext.reads(source.text, "md:myst").cells
-            if cell.cell_type == "code"
-        ]
-        names = {}
-        try:
-            exec(cells[0], names)
-            names |= {**parameters, "out": str(work)}
-            exec("\n".join(cells[1:]), names)
-        except Exception as error:
-            return "partial", repr(error)
-        return "executed", None
-
-    monkeypatch.setattr("trexton.companion.build.execution.execute", direct)
+    """Seconds faster where a test is about what runs, not how."""
+    monkeypatch.setattr("trexton.companion.build.execution.execute", run_here)
 
 
 LEDGER = """import json
