@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
@@ -73,12 +74,16 @@ class Consumer:
         """Go on by `dt` seconds with what the accelerometer reads, ``(2,)`` m/s^2."""
         if self.state is None:
             return
-        push = np.vstack([dt**2 * np.eye(2), dt * np.eye(2)])
-        step = np.eye(4) + dt * np.eye(4, k=2)
+        step, push, noise = _motion(dt, self.acceleration_noise)
         self.state = step @ self.state + push @ acceleration
-        self.covariance = (
-            step @ self.covariance @ step.T + self.acceleration_noise**2 * push @ push.T
-        )
+        self.covariance = step @ self.covariance @ step.T + noise
+
+
+@cache
+def _motion(dt: float, noise: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The transition, how an acceleration enters, and the covariance that its noise adds."""
+    push = np.vstack([dt**2 * np.eye(2), dt * np.eye(2)])
+    return np.eye(4) + dt * np.eye(4, k=2), push, noise**2 * push @ push.T
 
 
 def ekf2() -> Consumer:

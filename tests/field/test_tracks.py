@@ -75,15 +75,15 @@ def test_a_mean_of_estimates_varies_as_independent_s_says(field, motion, sigma, 
     hypotheses.prune(np.zeros(1))
     color = np.linalg.cholesky(noise + 1e-15 * np.eye(len(noise)))
     truth = np.zeros(len(noise))
+    measured = [(hypotheses.frame, white)]
+    if sigma is not None:
+        measured.append((hypotheses.velocity, sigma**2 * np.eye(2)))
     for _ in range(12_000):
         truth = transition @ truth + color @ rng.standard_normal(len(truth))
         hypotheses.predict()
-        measured = [(hypotheses.frame, white)]
-        if sigma is not None:
-            measured.append((hypotheses.velocity, sigma**2 * np.eye(2)))
         for matrix, variance in measured:
             expected, spread, _, gain = hypotheses.innovation(matrix, variance)
-            seen = matrix @ truth + rng.multivariate_normal(np.zeros(2), variance)
+            seen = matrix @ truth + np.sqrt(np.diag(variance)) * rng.standard_normal(2)
             hypotheses.update(seen - expected, gain, spread)
         runs.append((hypotheses.states[0] - truth)[:2])
     errors = np.array(runs[2000:])
