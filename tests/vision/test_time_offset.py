@@ -11,6 +11,7 @@ import pytest
 from trexton.flights.check import check_flight, repair_flight
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
+from trexton.flights.plausibility import warnings
 from trexton.flights.writing import write_flight
 from trexton.simulator.floor import Floor
 from trexton.simulator.recording import record_flight
@@ -132,6 +133,19 @@ def flight(tmp_path_factory) -> Flight:
         tmp_path_factory.mktemp("turning") / "flight", frames=160, camera=Camera(160, 120, 130.0),
         pattern="waypoints", effects=Effects(yaw=0.2),
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(("turned", "named"), [(0.5, True), (0.0, False)])
+def test_a_yaw_that_never_changes_while_the_pictures_turn_is_named(tmp_path, turned, named):
+    """As of a column that nobody filled; a vehicle may also hold its heading."""
+    flown = record_flight(
+        tmp_path / "flight", frames=100, camera=Camera(160, 120, 130.0), pattern="waypoints",
+        effects=Effects(yaw=turned),
+    )  # fmt: skip
+    held = flown.attitude * (1, 1, 0) + (0, 0, 1.5)
+    said = [each for each in warnings(replace(flown, attitude=held)) if "never changes" in each]
+    assert len(said) == named
+    assert not [each for each in warnings(flown) if "never changes" in each]
 
 
 @pytest.mark.parametrize("what", ["late", "clockwise", "as it is"])

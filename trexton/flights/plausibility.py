@@ -195,6 +195,8 @@ def _turning(flight: Flight, first: Sequence[np.ndarray] = ()) -> Iterator[str]:
         turned = turns(images)
     except TrextonError:
         return  # said already
+    if len(set(flight.attitude[rows, 2])) == 1 and np.abs(np.nancumsum(turned)).max() > TURNED:
+        yield "the pictures turn, the yaw never changes: was it recorded? leave the attitude out"
     found = time_offset(flight.time[rows], turned, flight.time[rows], flight.attitude[rows, 2])
     if found is None or not found.sure:
         return

@@ -211,8 +211,7 @@ def _from_table(path: Path, shots: dict[Path, Shot], said: list[str]) -> dict[Pa
     cells = {key: [number_of(each[place]) for place in row] for key, each in table.cells.items()}
     table = replace(table, cells=cells, rows=[table.rows[place] for place in row])
     latitude, longitude = (table.numbers(names.get(what, what)) for what in ("lat", "lon"))
-    altitude = metres(table, names.get("alt_m", ""), "m", said)
-    places = np.column_stack([latitude, longitude, altitude])
+    place = np.column_stack([latitude, longitude, metres(table, names.get("alt_m", ""), "m", said)])
     stamps = NANO * np.array(row)
     if timed := "time" in names:
         written = zip(table.rows, table.texts(names["time"]), strict=True)
@@ -220,8 +219,8 @@ def _from_table(path: Path, shots: dict[Path, Shot], said: list[str]) -> dict[Pa
         stamps = next_day(np.array(taken), path, table.rows, said)
     elif all(shot.time_ns for shot in known):
         stamps = np.array([shot.time_ns for shot in known])
-    _check_places(path, places[:, :2], known, said)
-    columns = zip(rows, known, places.tolist(), stamps.tolist(), strict=True)
+    _check_places(path, place[:, :2], known, said)
+    columns = zip(rows, known, place.tolist(), stamps.tolist(), strict=True)
     return {
         file: Shot(lat, lon, above, shot.height, shot.attitude, stamp, timed or shot.zoned)
         for file, shot, (lat, lon, above), stamp in columns

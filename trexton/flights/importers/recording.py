@@ -190,8 +190,7 @@ def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[Po
     attitude = None
     if track.attitude is not None:
         low = track.attitude[before]
-        turned = wrapped(track.attitude[after] - low)
-        attitude = _between(low, low + turned, share)
+        attitude = _between(low, low + wrapped(track.attitude[after] - low), share)
         attitude[~good] = np.nan
         attitude = wrapped(attitude)
     return PoseTrack(time_ns, position, attitude), float(gap[good].max())
