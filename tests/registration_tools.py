@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from functools import cache
 
 import numpy as np
@@ -17,15 +18,19 @@ from trexton.vision.camera import Camera
 CAMERA = Camera(320, 240, 260.0)
 
 
-@cache
 def flight(frames: int = 40, layout: str = "hall"):
-    """Frames, true positions and attitudes of a short flight."""
+    """Frames, true positions and attitudes of a short flight, of at most 60 frames."""
+    return _flown(layout)[:frames]
+
+
+@cache
+def _flown(layout: str):
     effects = Effects().without("jpeg")
     room = Simulator(
         Floor.painted(layout, 4), camera=CAMERA, effects=effects, rng=np.random.default_rng(5)
     )
     rows = []
-    for _ in range(frames):
+    for _ in range(60):
         state = room.step(np.array([4.0, 3.4]))
         rows.append((room.render(), state.position, state.attitude))
     return rows
@@ -44,6 +49,16 @@ def waypoints(frames: int = 160):
         state = room.step(plan.goal(room.state.position))
         rows.append((room.render(), state.position, state.attitude))
     return rows
+
+
+@cache
+def _unused(layout: str) -> FloorTracker:
+    return FloorTracker(Floor.painted(layout, 4).picture, CAMERA, 1.0)
+
+
+def tracker_as_new(layout: str = "hall") -> FloorTracker:
+    """Over the floor of `flight`, which is prepared once."""
+    return deepcopy(_unused(layout))
 
 
 def errors(tracker: FloorTracker, rows, known: bool) -> tuple[np.ndarray, list[FloorFix]]:

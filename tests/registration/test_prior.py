@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from registration_tools import CAMERA, errors, flight, waypoints
+from registration_tools import errors, flight, tracker_as_new, waypoints
 
 from trexton.registration.alignment import Alignment
 from trexton.registration.prior import PosePrior
-from trexton.registration.tracker import FloorTracker
-from trexton.simulator.floor import Floor
 
 
 def test_without_a_heading_roll_and_pitch_still_count():
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     for frame, position, attitude in flight(20):
         measured = np.array([*attitude[:2], np.nan])
         fix = tracker.step(frame, attitude=measured, height=position[2])
@@ -22,7 +20,7 @@ def test_without_a_heading_roll_and_pitch_still_count():
 
 @pytest.mark.parametrize("off", [(0.0, 0.0), (0.05, 0.0), (0.0, -0.17), (0.26, 0.1)])
 def test_the_bias_of_a_measured_tilt_is_learned(off):
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     biased = [(frame, place, attitude + [*off, 0]) for frame, place, attitude in flight(60)]
     error, _ = errors(tracker, biased, True)
     assert error[25:].mean() < 0.012
@@ -36,7 +34,7 @@ def test_the_bias_of_a_measured_tilt_is_learned(off):
 
 @pytest.mark.parametrize("axes", [[[-1, 0], [0, -1]], [[0, 1], [1, 0]]], ids=["signs", "order"])
 def test_roll_and_pitch_of_another_convention_mislead_little(axes):
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     rows = waypoints()
     turned = [(frame, place, [*(axes @ angles[:2]), angles[2]]) for frame, place, angles in rows]
     error, _ = errors(tracker, turned, True)
@@ -49,7 +47,7 @@ def test_an_unmeasured_tilt_is_expected_as_it_was():
     prior = PosePrior(1.0, 0.007, 0.02).prior(None, None, last)
     assert prior.mean[3:5] == pytest.approx(0.85 * last[3:5], rel=0.02)
     assert 0.02 < prior.deviation[3] == prior.deviation[4] < 0.03
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     error, _ = errors(tracker, waypoints(), False)
     assert error[25:].mean() < 0.008
 
@@ -68,7 +66,7 @@ def test_a_tilt_that_changes_much_is_expected_less_like_before():
 
 @pytest.mark.parametrize("off", [0.35, 1.6])
 def test_a_wrong_heading_is_left_aside_once_nothing_is_found_with_it(off):
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     error, lost = [], []
     for frame, position, attitude in flight(60):
         fix = tracker.step(frame, attitude=attitude + [0, 0, off])
@@ -81,7 +79,7 @@ def test_a_wrong_heading_is_left_aside_once_nothing_is_found_with_it(off):
 
 @pytest.mark.parametrize("heading", [0.0, np.nan])
 def test_a_height_of_half_is_left_aside_once_nothing_is_found_with_it(heading):
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     for frame, position, attitude in flight(60):
         fix = tracker.step(frame, attitude=attitude + [0, 0, heading], height=0.5 * position[2])
     assert not tracker.pose_prior.uses_heading and not fix.lost
@@ -90,7 +88,7 @@ def test_a_height_of_half_is_left_aside_once_nothing_is_found_with_it(heading):
 
 
 def test_a_heading_that_is_right_again_is_gone_by_again():
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     for row, (frame, _, attitude) in enumerate(flight(60)):
         tracker.step(frame, attitude=attitude + [0, 0, 1.6 * (row < 50)])
     assert tracker.pose_prior.uses_heading

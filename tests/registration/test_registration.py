@@ -9,7 +9,7 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
-from registration_tools import CAMERA, errors, flight, waypoints
+from registration_tools import CAMERA, errors, flight, tracker_as_new, waypoints
 
 from trexton.base.errors import MapError
 from trexton.registration.alignment import Aligner
@@ -170,20 +170,20 @@ def test_alignment_where_nothing_is_mapped_says_so():
 
 @pytest.mark.parametrize("known", [True, False], ids=["attitude", "no-attitude"])
 def test_tracker_follows_a_flight_to_the_centimetre(known):
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     error, fixes = errors(tracker, flight(), known)
     assert error[10:].max() < 0.03 and error[10:].mean() < 0.012
     assert not any(fix.lost for fix in fixes[10:])
 
 
 def test_tracker_keeps_its_place_on_a_floor_that_repeats():
-    tracker = FloorTracker(Floor.painted("carpet", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new("carpet")
     error, _ = errors(tracker, flight(60, "carpet"), True)
     assert error[25:].max() < 0.05
 
 
 def test_a_camera_turned_upside_down_is_followed_too():
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     rows = [(frame[::-1, ::-1].copy(), place, tilt) for frame, place, tilt in flight(20)]
     error, fixes = errors(tracker, rows, False)
     assert error[10:].max() < 0.03
@@ -205,7 +205,7 @@ def test_trackers_share_nothing():
 
 
 def test_kidnapped_is_noticed_and_found_again():
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     room = Simulator(Floor.painted("hall", 4), camera=CAMERA, rng=np.random.default_rng(2))
     for _ in range(8):
         state = room.step(None)
@@ -223,7 +223,7 @@ def test_kidnapped_is_noticed_and_found_again():
 
 
 def test_frames_that_do_not_come_widen_the_covariance():
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     assert tracker.step(None).lost and np.isnan(tracker.step(None).position).all()
     _, fixes = errors(tracker, flight(12), True)
     gone = tracker.step(None)
@@ -233,7 +233,7 @@ def test_frames_that_do_not_come_widen_the_covariance():
 @pytest.mark.parametrize("every", [2, 4])
 @pytest.mark.parametrize("known", [True, False])
 def test_frames_that_do_not_come_are_bridged(every, known):
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     rows = waypoints()
     seen, between = [], []
     for number, (frame, place, attitude) in enumerate(rows):
@@ -252,7 +252,7 @@ def test_frames_that_do_not_come_are_bridged(every, known):
 
 
 def test_a_long_gap_ends_where_the_vehicle_has_got_to():
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     rows = waypoints()
     errors(tracker, rows[:20], True)
     gap = [tracker.step(None) for _ in range(25)]
@@ -264,7 +264,7 @@ def test_a_long_gap_ends_where_the_vehicle_has_got_to():
 
 
 def test_a_sight_of_nothing_is_coasted_over_and_then_given_up():
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     rows = flight(12)
     errors(tracker, rows, True)
     blank = np.full((240, 320, 3), 128, np.uint8)
@@ -298,7 +298,7 @@ def test_over_a_rug_odometry_says_where_until_a_place_is_certain():
 
 @pytest.mark.parametrize("known", [True, False])
 def test_a_camera_of_three_frames_a_second_is_followed_around_corners(known):
-    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    tracker = tracker_as_new()
     error, fixes = errors(tracker, waypoints()[::4], known)
     assert error[6:].max() < 0.05
     assert np.mean([fix.lost for fix in fixes[6:]]) < 0.25
