@@ -208,8 +208,8 @@ def _from_table(path: Path, shots: dict[Path, Shot], said: list[str]) -> dict[Pa
     rows = dict(sorted(found.items(), key=lambda each: each[1]))
     said += _left_out(f"{path}: rows whose photograph is not there", len(table) - len(rows))
     row, known = list(rows.values()), [shots[file] for file in rows]
-    cells = {key: [number_of(each[place]) for place in row] for key, each in table.cells.items()}
-    table = replace(table, cells=cells, rows=[table.rows[place] for place in row])
+    cells = {key: [number_of(each[at]) for at in row] for key, each in table.cells.items()}
+    table = replace(table, cells=cells, rows=[table.rows[at] for at in row])
     latitude, longitude = (table.numbers(names.get(what, what)) for what in ("lat", "lon"))
     place = np.column_stack([latitude, longitude, metres(table, names.get("alt_m", ""), "m", said)])
     stamps = NANO * np.array(row)
