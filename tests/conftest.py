@@ -26,6 +26,16 @@ def _shared_data() -> Path | None:
     return next((folder for folder in candidates if (folder / "cyberzoo").is_dir()), None)
 
 
+UNNEEDED = ROOT / "tests" / "unneeded"  # hides what costs every process seconds, unused
+
+
+def python_path(*folders: Path) -> str:
+    """PYTHONPATH of a process that a test begins: these folders, then those of the tests' own."""
+    own = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
+    return os.pathsep.join(dict.fromkeys(map(str, [*folders, UNNEEDED, *own])))
+
+
+os.environ["PYTHONPATH"] = python_path()
 if found := _shared_data():  # as make test says it: pytest by hand runs the same
     os.environ["TREXTON_DATA"] = str(found)
 

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from conftest import ROOT
+from conftest import ROOT, python_path
 from patience import eventually
 
 from trexton.companion.build.workers import connect
@@ -24,7 +24,7 @@ class Cluster:
         self.folder, self.size, self.options = folder, workers, options
         self.processes: list[subprocess.Popen] = []
         tests = Path(__file__).parent  # and the folder of the tests whose functions are called
-        paths = os.pathsep.join(map(str, [ROOT, tests, tests / "companion" / "build"]))
+        paths = python_path(ROOT, tests, tests / "companion" / "build")
         self.environment = os.environ | {"PYTHONPATH": paths}
 
     def __enter__(self) -> Cluster:

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import ROOT, python_path
 
 from trexton.flights.flight import Flight
 from trexton.flights.writing import write_flight
 
-ROOT = Path(__file__).parent.parent
 SECTION = re.compile(r"^## (?P<title>.+?)\n(?P<body>.*?)(?=^## |\Z)", re.S | re.M)
 FILE = re.compile(r"`(?P<path>trexton/[\w/]+\.py)`:\n\n```python\n(?P<code>.*?)```", re.S)
 LINE = re.compile(
@@ -96,7 +96,7 @@ def test_it_is_done_as_printed(title, tmp_path, flight):
             text=True,
             timeout=300,
             env=os.environ
-            | {"PYTHONPATH": str(tmp_path), "TREXTON_CACHE": str(tmp_path / "cache")},
+            | {"PYTHONPATH": python_path(tmp_path), "TREXTON_CACHE": str(tmp_path / "cache")},
         )
         assert run.returncode == 0, f"{command}\n{run.stdout}\n{run.stderr}"
     check(title, work)
@@ -181,9 +181,13 @@ def test_all_of_them_leave_the_checks_and_the_suite_green(tmp_path):
         shutil.copytree(ROOT / ".mypy_cache", tmp_path / ".mypy_cache")
     for body in SECTIONS.values():
         add(body, tmp_path)
-    environment = os.environ | {"PYTHONPATH": str(tmp_path), "TREXTON_CACHE": str(tmp_path / "c")}
+    own = {"PYTHONPATH": python_path(tmp_path), "TREXTON_CACHE": str(tmp_path / "c")}
     for words in CHECKS:
         done = subprocess.run(
-            [sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, env=environment
+            [sys.executable, *words],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            env=os.environ | own,
         )
         assert done.returncode == 0, f"{words}\n{done.stdout[-4000:]}\n{done.stderr[-2000:]}"

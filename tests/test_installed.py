@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, UNNEEDED
 from small_recording import recording
 
 
@@ -54,7 +54,8 @@ def trexton(wheel, tmp_path_factory):
             copied = site / compiled.relative_to(ROOT)
             copied.parent.mkdir(exist_ok=True)
             shutil.copy2(compiled, copied)
-    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "TREXTON_CACHE")}
+    environment = {k: v for k, v in os.environ.items() if k != "TREXTON_CACHE"}
+    environment["PYTHONPATH"] = str(UNNEEDED)  # and nothing of the repository
 
     def call(*words: object, folder: Path) -> str:
         done = subprocess.run(

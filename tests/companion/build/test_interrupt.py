@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 
-from conftest import ROOT
+from conftest import ROOT, python_path
 from patience import eventually
 from tiny_experiment import tiny
 from tiny_notebooks import BODY, run_here, write_notebook
@@ -32,7 +32,7 @@ def test_finished_tasks_survive_an_interrupt(flight_folder, tmp_path, monkeypatc
             "second": tiny("S", after=("first",))}}
         run_experiments([FlightPair({str(flight_folder)!r})], {str(tmp_path / "out")!r},
             notebooks={str(notebooks)!r}, experiments=experiments)"""
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    environment = os.environ | {"PYTHONPATH": python_path(ROOT)}
     run = subprocess.Popen(
         [sys.executable, "-c", script], env=environment, stderr=subprocess.PIPE, text=True
     )

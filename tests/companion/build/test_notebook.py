@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, small_flight
+from conftest import ROOT, python_path, small_flight
 
 from trexton.base.errors import ParameterError
 from trexton.companion.build import notebook
@@ -139,10 +139,14 @@ def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):
     given[3:6] = ["-y", "test_flight: null"]
     command = [sys.executable, "-m", "papermill", "mine.ipynb", "done.ipynb", "-k", "python3"]
     settings = ["-p", "repeats", "1", "-p", "particles", "5", "-p", "neighbors", "2"]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "TREXTON_CACHE": str(tmp_path / "cache")}
+    own = {"PYTHONPATH": python_path(ROOT), "TREXTON_CACHE": str(tmp_path / "cache")}
     before = {path: path.stat().st_mtime_ns for path in (ROOT / "results").rglob("*")}
     done = subprocess.run(
-        [*command, *given, *settings], cwd=tmp_path, env=environment, capture_output=True, text=True
+        [*command, *given, *settings],
+        cwd=tmp_path,
+        env=os.environ | own,
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr[-2000:]
     assert (tmp_path / "results" / "small" / "mocap_training.json").is_file()
