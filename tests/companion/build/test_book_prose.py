@@ -18,7 +18,6 @@ from trexton.companion.build.pages import figure_names, joined
 from trexton.companion.build.prose import (
     context,
     findings,
-    importer_table,
     records_by_name,
     render,
 )
@@ -33,7 +32,8 @@ LANDING = {"inside": 13, "landings": 38, "attempts": 50, "never_triggered": 12,
 
 
 def test_the_table_of_importers_has_whole_sentences():
-    assert "or found by their motion |" in importer_table()
+    names = context(ROOT / "nothing-here", {}, lambda name, words: words)
+    assert "or found by their motion |" in render(ROOT / "book" / "your_flight.md", names)
 
 
 def test_the_first_page_says_what_its_pages_found(results):

@@ -6,9 +6,11 @@ absent stands in ``{% if %}``. The README's table of results is that of the firs
 """
 
 import re
+import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from importlib.metadata import version
+from math import log10
 from pathlib import Path
 from traceback import extract_tb
 from typing import Any
@@ -21,6 +23,7 @@ from trexton.base.errors import DataError
 from trexton.base.files import write_file
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
+from trexton.companion.build.notebooks import read_content
 from trexton.companion.claims.ledger import load_records
 from trexton.companion.claims.page import map_table
 from trexton.companion.experiments.fine import over_floors
@@ -31,7 +34,7 @@ from trexton.companion.wording import flight_title, template_environment
 from trexton.flights.importers import IMPORTERS, importer
 from trexton.localization.landing import TouchdownZone
 from trexton.localization.training_set import EXCLUDED_SECONDS
-from trexton.onboard.edges import Edge, classes_of_options, edge_classes
+from trexton.onboard.edges import classes_of_options, edge_classes
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import SOURCES
 
@@ -82,13 +85,19 @@ def context(results: Path, values: Values, see: See) -> dict[str, Any]:
         "findings": findings(results, values),
         "door": partial(door, values),
         "kept": kept_records(),
+        "flight_title": flight_title,
+        "ledger": read_content(results / "claims.json"),
         "paper": published(),
+        "quoted": quoted(),
         "paper_map": paper_map,
         "version": version("trexton"),
         "excluded_s": EXCLUDED_SECONDS,
-        "sinks": edge_table(edge_classes("sinks", SINKS), "--output"),
-        "sources": edge_table(edge_classes("sources", SOURCES), "--camera"),
-        "importers": importer_table,
+        "edges": {
+            "--output": edge_classes("sinks", SINKS),
+            "--camera": edge_classes("sources", SOURCES),
+        },
+        "options_of": classes_of_options,
+        "importers": lambda: {kind: importer(kind) for kind in IMPORTERS},
         "touchdown": TouchdownZone((0.0, 0.0)),  # what it asks for by default
         "public_names": public_names(),
     }
@@ -106,20 +115,6 @@ def findings(results: Path, values: Values) -> list[dict[str, str]]:
             where = "" if name in kept else flight_title(flight)
             said.append({"page": name, "flight": where, "text": sentence})
     return said
-
-
-def importer_table() -> str:
-    """Every kind of recording and its settings, as they are declared."""
-    lines = ["| kind | reads | its own settings |", "|---|---|---|"]
-    for kind in IMPORTERS:
-        module = importer(kind)
-        first = " ".join((module.__doc__ or "").partition("\n\n")[0].split()).rstrip(".")
-        settings = "<br>".join(
-            f"`--{each.name.replace('_', '-')}` {each.meaning}"
-            for each in module.Settings.declared()
-        )
-        lines.append(f"| `{kind}` | {first} | {settings} |")
-    return "\n".join(lines)
 
 
 def door(values: Values) -> str:
@@ -154,26 +149,19 @@ def kept_records() -> dict[str, Any]:
     return values
 
 
+def quoted() -> dict[str, Any]:
+    """Tables of ``data/quoted`` by name: numbers of other works, and of studies that no command
+    repeats, each with its source.
+    """
+    files = shipped("data/quoted").glob("*.toml")
+    return {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in files}
+
+
 def public_names() -> list[tuple[str, str]]:
     """The names that the library declares, each with ``class`` or ``function``, as autodoc asks."""
     names = [name for name in trexton.__all__ if callable(getattr(trexton, name))]
     kinds = {True: "class", False: "function"}
     return [(name, kinds[isinstance(getattr(trexton, name), type)]) for name in names]
-
-
-def edge_table(edges: Iterable[type[Edge]], flag: str) -> str:
-    """A table of sinks or sources: addresses and what they mean, then the options."""
-    edges = list(dict.fromkeys(edges))
-    rows = [f"| `{flag}` | |", "|---|---|"]
-    for edge in edges:
-        rows += [f"| `{address}` | {meaning} |" for address, meaning in edge.addresses.items()]
-    options = [(kind, each) for kind in classes_of_options(edges) for each in kind.declared()]
-    if options:
-        rows += ["", "| option | default | |", "|---|---|---|"]
-    for kind, each in options:
-        default = "" if each.default in (None, "", False) else f"`{each.default}`"
-        rows.append(f"| `{kind.flag(each.name)}` | {default} | {each.meaning} |")
-    return "\n".join(rows) + "\n"
 
 
 def render(path: Path, names: Mapping[str, Any]) -> str:
@@ -182,6 +170,8 @@ def render(path: Path, names: Mapping[str, Any]) -> str:
     Raises `DataError` where it names something that is not there, or its template is broken.
     """
     environment = template_environment()
+    environment.loader = jinja2.FileSystemLoader(shipped("book"))  # figures, which pages include
+    environment.filters["log10"] = log10
     try:
         return environment.from_string(path.read_text(encoding="utf-8")).render(names)
     except (jinja2.TemplateError, KeyError, TypeError, ValueError) as error:

@@ -18,6 +18,7 @@ from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.notebooks import outputs_of
 from trexton.companion.build.pages import figure_names, joined, label_of
 from trexton.companion.build.prose import FLIGHTS, context, records_by_name, render
+from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
 
 
@@ -152,7 +153,8 @@ def stage(contents: Contents, folder: Path) -> None:
     for file in ("_config.yml", "references.bib"):
         shutil.copyfile(contents.source / file, folder / file)
     shutil.copytree(contents.source / "_static", folder / "_static")
-    shutil.copy(Path(__file__).with_name("charts.js"), folder / "_static")
+    for beside in (Path(__file__).with_name("charts.js"), paper_file("protocol.toml")):
+        shutil.copy(beside, folder / "_static")
     parts = [
         {**part, "chapters": [{"file": each["file"]} for each in part["chapters"]]}
         for part in contents.toc["parts"]
