@@ -24,6 +24,7 @@ from trexton.companion.experiments.virtual_flights import (
     first_prediction,
     judge_floor,
     measured_cm,
+    predictions,
 )
 from trexton.simulator.floor import Floor
 from trexton.simulator.recording import record_flight
@@ -100,8 +101,11 @@ def test_hard_places_are_those_worse_than_the_mean(picture, tmp_path):
 
 
 def test_a_first_number_is_of_the_same_size(floor, judged):
-    first = first_prediction(floor, flights=SMALL)
+    first, whole = predictions(floor, flights=SMALL)
     assert judged["predicted_cm"] / 4 < first < 4 * judged["predicted_cm"]
+    # Both are what they are by themselves, though their flights are drawn beside one another.
+    assert first == first_prediction(floor, flights=SMALL)
+    assert whole["predicted_cm"] == judged["predicted_cm"]
 
 
 def test_equal_seeds_judge_equally(picture):

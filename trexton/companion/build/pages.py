@@ -116,11 +116,7 @@ class _Page:
 
     def _beside(self, shown: Mapping[str, Cells], tabs: bool) -> None:
         """What cells show on each flight, under its name."""
-        shown = {
-            flight: cells
-            for flight, cells in shown.items()
-            if any(cell.get("outputs") for cell in cells)
-        }
+        shown = {flight: cells for flight, cells in shown.items() if any(map(_said, cells))}
         tabs = tabs and len(shown) > 1
         if tabs:
             self._groups += 1

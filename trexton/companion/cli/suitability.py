@@ -4,6 +4,7 @@ import argparse
 import re
 from collections.abc import Iterable
 from functools import partial
+from operator import call
 from pathlib import Path
 from typing import Any
 
@@ -32,21 +33,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.base.records import plain
-    from trexton.companion.experiments.virtual_flights import (
-        METHOD,
-        VirtualFlights,
-        first_prediction,
-        judge_floor,
-    )
+    from trexton.companion.experiments import virtual_flights
     from trexton.vision.threads import usable_cores
 
-    flights = chosen_options(arguments, VirtualFlights)
+    flights = chosen_options(arguments, virtual_flights.VirtualFlights)
     floors = {name: _floor(name, arguments) for name in arguments.images}
     files = _files(Path(arguments.out), floors) if arguments.out else {}
-    steps = [(step, name) for step in (first_prediction, judge_floor) for name in floors]
+    both = virtual_flights.first_prediction, virtual_flights.judge_floor
+    steps = [partial(step, floor, flights=flights) for step in both for floor in floors.values()]
     # A single floor is judged here, on all cores: processes would share less of the work.
     with working_on(processes=min(len(floors), usable_cores())):
-        answers = spreading(partial(_answer, floors, flights), steps, "floors")
+        answers = spreading(call, steps, "floors")
+        if len(floors) == 1:
+            answers = virtual_flights.predictions(*floors.values(), flights=flights)
         for name in floors:
             if (error_cm := next(answers)) is not None:
                 say(f"{name}: about {error_cm:.0f} cm by first, coarse flights")
@@ -57,9 +56,9 @@ def run(arguments: argparse.Namespace) -> int:
     for place, name in enumerate(ranked, start=1):
         entry = judged[name]
         print(
-            f"{place}. {name}: expect method {METHOD} to be off by {entry['predicted_cm']:.0f} cm "
-            f"on average [{entry['low']:.0f}, {entry['high']:.0f}], as on virtual flights, "
-            f"always guessing the middle by {entry['centre_cm']:.0f} cm"
+            f"{place}. {name}: expect method {virtual_flights.METHOD} to be off by "
+            f"{entry['predicted_cm']:.0f} cm on average [{entry['low']:.0f}, {entry['high']:.0f}], "
+            f"as on virtual flights, always guessing the middle by {entry['centre_cm']:.0f} cm"
         )
         if entry["predicted_cm"] >= entry["centre_cm"]:
             print("   it will not do: the middle of the floor is as good a guess")
@@ -73,11 +72,6 @@ def run(arguments: argparse.Namespace) -> int:
             predicted_errors(floors[name], judged[name]).savefig(stream, format="png", dpi=150)
         say(f"{file}.png, {file.name}.json")
     return 0
-
-
-def _answer(floors: dict[str, Any], flights: Any, asked: tuple[Any, str]) -> Any:
-    step, name = asked
-    return step(floors[name], flights=flights)
 
 
 def _floor(name: str, arguments: argparse.Namespace) -> Any:

@@ -104,15 +104,8 @@ def _stack(owner: Axes | Figure, legend: Legend | None, **place: Any) -> None:
             handles, labels = owner.get_legend_handles_labels()
         legend.remove()
         short = max(map(len, labels)) <= _SHORT
-        owner.legend(
-            handles,
-            labels,
-            ncols=2 if short else 1,
-            columnspacing=1.2,
-            frameon=False,
-            fontsize=9,
-            **place,
-        )
+        look: dict[str, Any] = {"columnspacing": 1.2, "frameon": False, "fontsize": 9}
+        owner.legend(handles, labels, ncols=2 if short else 1, **look, **place)
 
 
 def to_png(figure: Figure) -> bytes:

@@ -16,19 +16,11 @@ from matplotlib.figure import Figure
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
+from trexton.companion.experiments import style
 from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, SeedParameters, option
 from trexton.companion.experiments.evaluation import map_picture
 from trexton.companion.experiments.floors import named_floor
-from trexton.companion.experiments.style import (
-    COLORS,
-    canvas,
-    floor_axes,
-    heat_map,
-    legend_above,
-    plain_log_ticks,
-    show_floor,
-)
 from trexton.companion.experiments.virtual_flights import VirtualFlights, judge_floor, measured_cm
 from trexton.companion.wording import fixed, percent, span
 from trexton.field.likelihood import bilinear
@@ -153,13 +145,13 @@ def predicted_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
     """The expected error over the floor's picture; within the line it is above the mean."""
     heat = 100 * np.array(judged["heat"]["error_m"], dtype=float)
     extent = judged["area_m"]
-    with canvas(1, 1, size=(5.6, 5.0)) as (figure, [[plan]]):
-        floor_axes(plan, extent)
+    with style.canvas(1, 1, size=(5.6, 5.0)) as (figure, [[plan]]):
+        style.floor_axes(plan, extent)
         place, picture = map_picture(floor.picture, 700)
-        show_floor(plan, place, picture, fade=0.35)
-        heat_map(figure, plan, heat, extent, "expected error (cm)")
+        style.show_floor(plan, place, picture, fade=0.35)
+        style.heat_map(figure, plan, heat, extent, "expected error (cm)")
         x, y = judged["worst_m"]
-        plan.plot(x, y, "x", color=COLORS["truth"], markersize=8)
+        plan.plot(x, y, "x", color=style.COLORS["truth"], markersize=8)
         plan.contour(heat, [judged["predicted_cm"]], extent=extent, origin="lower", colors="k")
         plan.annotate("hardest", (x, y), xytext=(6, 6), textcoords="offset points")
     return figure
@@ -167,23 +159,23 @@ def predicted_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
 
 def measured_over_predicted(rows: Rows, kept: Rows) -> Figure:
     """Measured error over the predicted one, and over the paper's loss; `kept` floors open."""
-    with canvas(1, 2, size=(7.2, 3.4), sharey=True) as (figure, axes):
+    with style.canvas(1, 2, size=(7.2, 3.4), sharey=True) as (figure, axes):
         for points, face, label in ((kept, "none", "long run"), (rows, None, "this run")):
             measured = [row["field_cm"] for row in points.values()]
             for plot, key in zip(axes[0], ("predicted_cm", "loss"), strict=True):
                 predicted = [row[key] for row in points.values()]
                 if points:
-                    dot: dict[str, Any] = {"color": COLORS["field"], "markersize": 5}
+                    dot: dict[str, Any] = {"color": style.COLORS["field"], "markersize": 5}
                     plot.plot(predicted, measured, "o", markerfacecolor=face, label=label, **dot)
         shown, keys = (*rows.values(), *kept.values()), ("predicted_cm", "field_cm")
         both = [row[key] for row in shown for key in keys]
         ends = [min(both) / 1.2, max(both) * 1.2]
-        axes[0, 0].plot(ends, ends, color=COLORS["truth"], linewidth=0.8, zorder=0)
+        axes[0, 0].plot(ends, ends, color=style.COLORS["truth"], linewidth=0.8, zorder=0)
         axes[0, 0].set(xscale="log", yscale="log", xlim=ends, ylim=ends)
         axes[0, 0].set(xlabel="predicted error (cm)", ylabel="measured error (cm)")
-        plain_log_ticks(axes[0, 0].xaxis, axes[0, 0].yaxis, axes[0, 1].yaxis)
+        style.plain_log_ticks(axes[0, 0].xaxis, axes[0, 0].yaxis, axes[0, 1].yaxis)
         axes[0, 1].set_xlabel("the paper's loss")
-        legend_above(axes[0, 0], 2)
+        style.legend_above(axes[0, 0], 2)
     return figure
 
 

@@ -4,9 +4,12 @@ The prediction is the mean error of method `field` itself on such flights, under
 the field predicts of single frames does not include that it may take one place for another.
 """
 
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
+from operator import call
 from typing import Any
 
 import numpy as np
@@ -15,10 +18,7 @@ from threadpoolctl import threadpool_limits
 from trexton.base.errors import MapError
 from trexton.base.options import Options, option
 from trexton.base.streams import stream
-from trexton.companion.experiments.evaluation import constant_guess
-from trexton.companion.experiments.metrics import euclidean, mean_with_interval
 from trexton.companion.experiments.similarity import local_losses, smooth
-from trexton.companion.experiments.track import fly
 from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area
@@ -31,11 +31,13 @@ from trexton.vision.camera import Camera
 from trexton.vision.threads import ahead
 
 LANE, SURVEY_SPEED = 0.5, 1.2  # metres between lanes that see everything twice; the survey's m/s
+FEW = 110  # frames of the survey behind a first number
 LATER = 3  # flights after the survey, by which errors are predicted, or measured
 CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
 REACH_M = 1.2  # over which errors of flights are averaged for that map
 SIGMA_M = 0.8  # of the paper's map loss
 METHOD = "field"  # the one whose error is predicted
+Drawn = list[Future[Flight]]  # a survey and those after it
 
 
 @dataclass(frozen=True)
@@ -47,48 +49,69 @@ class VirtualFlights(Options):
     height: float = option(1.0, "metres above the floor", low=0.2, high=10)
     seed: int = option(1, "of the flights", low=0)
 
-    def over(
-        self,
-        floor: Floor,
-        count: int,
-        methods: tuple[str, ...] = (METHOD,),
-        *,
-        every: int = 2,
-        camera: Camera = Camera(),
-    ) -> tuple[TextonMap, np.ndarray, dict[str, np.ndarray]]:
-        """The map of a survey; ``(N, 2)`` metres of frames of `count` flights between random places
-        an hour later, drawn while it is trained; by method ``(count, N / count)`` errors in cm. Of
-        frames each second, or n-th, is kept, so that fewer cover the floor.
+    def drawn(self, floor: Floor, pool: ThreadPoolExecutor, *, few: bool = False) -> Drawn:
+        """A survey, and flights between random places an hour later, drawn by a pool. Of frames
+        each second is kept, so that fewer cover the floor; or but a `few`, of a quarter of the
+        pixels.
         """
+        every, count, camera = (6, 1, Camera(320, 240, 260.0)) if few else (2, LATER, Camera())
         x_min, x_max, y_min, y_max = floor.area
         path = 2 * (x_max - x_min) * (y_max - y_min) / LANE
         usual = int(np.clip(path / (SURVEY_SPEED * PERIOD * every), 200, 2000))
+        most, test_frames = (FEW, min(30, self.test_frames)) if few else (20_000, self.test_frames)
         record = partial(
             record_flight, None, floor=floor, height=self.height, every=every, camera=camera
         )
-        again = partial(record, pattern="waypoints", frames=self.test_frames)
-        survey = record(pattern="survey", seed=self.seed, frames=self.frames or usual)
-        with ThreadPoolExecutor(1) as drawing:
-            later = [drawing.submit(again, seed=self.seed + n) for n in range(1, count + 1)]
-            own = train_map(survey, method=METHOD, rng=stream(self.seed, "map"))
-            errors = {}
-            for method in methods:
-                rng = stream(self.seed, f"map {method}")
-                trained = for_method(own, method, flight=survey, rng=rng)
-                errors[method] = _errors_cm(trained, later, self.seed)
+        again = partial(record, pattern="waypoints", frames=test_frames)
+        flights = [partial(again, seed=self.seed + n) for n in range(1, count + 1)]
+        frames = min(self.frames or usual, most)
+        flights.insert(0, partial(record, pattern="survey", seed=self.seed, frames=frames))
+        # Each by one thread, which leaves the other cores to what is learned.
+        return [pool.submit(next, ahead(call, [each])) for each in flights]
+
+    def flown(
+        self, drawn: Drawn, methods: tuple[str, ...] = (METHOD,)
+    ) -> tuple[TextonMap, np.ndarray, dict[str, np.ndarray]]:
+        """The map of the survey; ``(N, 2)`` metres of all frames of the flights after it, drawn
+        while it is trained; by method ``(flights, N / flights)`` errors in cm.
+        """
+        import trexton.field.cross_validation  # noqa: F401  loaded while the survey is drawn
+
+        survey, *later = drawn[0].result(), *drawn[1:]
+        own = train_map(survey, method=METHOD, rng=stream(self.seed, "map"))
+        errors = {}
+        for method in methods:
+            rng = stream(self.seed, f"map {method}")
+            trained = for_method(own, method, flight=survey, rng=rng)
+            errors[method] = _errors_cm(trained, later, self.seed)
         return own, np.concatenate([test.result().position for test in later]), errors
+
+
+def predictions(floor: Floor, *, flights: VirtualFlights) -> Iterator[Any]:
+    """What `first_prediction` and `judge_floor` give, sooner: flights for the second are drawn
+    while those for the first are learned.
+    """
+    pool = ThreadPoolExecutor(1)
+    try:
+        few, drawn = flights.drawn(floor, pool, few=True), flights.drawn(floor, pool)
+        yield _first_cm(flights, few)
+        yield _judged(floor, flights, drawn)
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def first_prediction(floor: Floor, *, flights: VirtualFlights) -> float | None:
     """Centimetres of error to expect over a floor, by flights of few frames and a quarter of the
     pixels: within seconds, and coarser than `judge_floor`. None where they show too little.
     """
-    few = replace(flights, frames=min(flights.frames or 200, 200), test_frames=60)
-    try:
-        _, _, errors = few.over(floor, 1, every=5, camera=Camera(320, 240, 260.0))
-    except MapError:
-        return None
-    return float(errors[METHOD].mean())
+    with ThreadPoolExecutor(1) as pool:
+        return _first_cm(flights, flights.drawn(floor, pool, few=True))
+
+
+def _first_cm(flights: VirtualFlights, drawn: Drawn) -> float | None:
+    with suppress(MapError):
+        return float(flights.flown(drawn)[2][METHOD].mean())
+    return None
 
 
 def judge_floor(floor: Floor, *, flights: VirtualFlights = VirtualFlights()) -> dict[str, Any]:
@@ -102,7 +125,15 @@ def judge_floor(floor: Floor, *, flights: VirtualFlights = VirtualFlights()) -> 
         ``high``; ``centre_cm``, the error of always guessing the middle; ``heat``, expected error
         over the floor in metres; ``worst_m``, where it is largest.
     """
-    texton_map, flown, errors = flights.over(floor, LATER)
+    with ThreadPoolExecutor(1) as pool:
+        return _judged(floor, flights, flights.drawn(floor, pool))
+
+
+def _judged(floor: Floor, flights: VirtualFlights, drawn: Drawn) -> dict[str, Any]:
+    from trexton.companion.experiments.evaluation import constant_guess
+    from trexton.companion.experiments.metrics import euclidean, mean_with_interval
+
+    texton_map, flown, errors = flights.flown(drawn)
     mean = mean_with_interval(errors[METHOD], stream(flights.seed, "intervals"))
     heat, worst = _expected(texton_map, flown, errors[METHOD].ravel(), floor.area)
     centre = constant_guess(texton_map.positions, len(flown))
@@ -125,12 +156,14 @@ def measured_cm(
     floor: Floor, *, flights: VirtualFlights, methods: tuple[str, ...]
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """By method, errors in cm at all frames after a survey; and ``(N, 2)`` where they were."""
-    _, flown, errors = flights.over(floor, LATER, methods)
+    with ThreadPoolExecutor(1) as pool:
+        _, flown, errors = flights.flown(flights.drawn(floor, pool), methods)
     return {method: each.ravel() for method, each in errors.items()}, flown
 
 
-def _errors_cm(texton_map: TextonMap, tests: list[Future[Flight]], seed: int) -> np.ndarray:
+def _errors_cm(texton_map: TextonMap, tests: Drawn, seed: int) -> np.ndarray:
     """``(flights, N)`` of flights as they are drawn, each flown in a thread of its own."""
+    from trexton.companion.experiments.track import fly
 
     def errors(number: int) -> np.ndarray:
         localizer = Localizer(texton_map, rng=stream(seed, "flight", number))
