@@ -67,7 +67,7 @@ def test_its_words_are_text_inside_of_the_drawing_on_wide_pages_and_on_phones(
                     - length
                     * {"start": 0, "middle": 0.5, "end": 1}[each.get("text-anchor", "start")]
                 )
-                assert -12 <= left and left + length <= most + 12, each.get_text()
+                assert -6 <= left and left + length <= most + 6, each.get_text()
                 assert 0 < float(each["y"]) < float(drawing["height"]), each.get_text()
 
 
