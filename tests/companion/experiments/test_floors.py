@@ -32,12 +32,12 @@ from trexton.vision.camera import Camera
 from trexton.vision.threads import usable_cores
 
 SMALL = VirtualFlights(frames=100, test_frames=30)
-LATER = 2
+LATER, MEASURED = 2, 1
 
 
 @pytest.fixture(scope="module", autouse=True)
 def small_flights():
-    """A sixteenth of the pixels, and two flights after each survey."""
+    """A sixteenth of the pixels, and few flights after each survey."""
 
     def smaller(*arguments, camera, **more):
         return record_flight(*arguments, camera=Camera(160, 120, 130.0), **more)
@@ -45,6 +45,7 @@ def small_flights():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(virtual_flights, "record_flight", smaller)
         patch.setattr(virtual_flights, "LATER", LATER)
+        patch.setattr(virtual_flights, "MEASURED", MEASURED)
         yield
 
 
@@ -70,7 +71,9 @@ def judged(floor):
 
 @pytest.fixture(scope="module")
 def measured(floor):
-    return measured_cm(floor, flights=replace(SMALL, seed=900), methods=("field", "paper"))
+    return measured_cm(
+        floor, flights=replace(SMALL, seed=900, test_frames=60), methods=("field", "paper")
+    )
 
 
 def test_a_floor_is_judged_by_flights_of_the_method(judged):
@@ -81,7 +84,7 @@ def test_a_floor_is_judged_by_flights_of_the_method(judged):
 
 def test_other_flights_after_another_survey_err_by_as_much(judged, measured):
     errors, places = measured
-    assert list(errors) == ["field", "paper"] and len(places) == 30 * LATER
+    assert list(errors) == ["field", "paper"] and len(places) == 60 * MEASURED
     assert 0.5 < errors["field"].mean() / judged["predicted_cm"] < 2
 
 
@@ -106,6 +109,16 @@ def test_a_first_number_is_of_the_same_size(floor, judged):
     # Both are what they are by themselves, though their flights are drawn beside one another.
     assert first == first_prediction(floor, flights=SMALL)
     assert whole["predicted_cm"] == judged["predicted_cm"]
+
+
+def test_later_halves_of_flights_stand_for_what_would_follow():
+    errors_cm = np.array([[8.0, 4.0, 2.0, 1.0], [5.0, 3.0, 0.0, 6.0]])
+    places = np.arange(16.0).reshape(8, 2)
+    longer, there = virtual_flights._prolonged(errors_cm, places)
+    np.testing.assert_array_equal(longer[0], [8, 4, 2, 1, 2, 1, 2, 1])
+    np.testing.assert_array_equal(longer[1], [5, 3, 0, 6, 0, 6, 0, 6])
+    assert there.shape == (16, 2)
+    np.testing.assert_array_equal(there[[0, 6, 7, 15]], places[[0, 2, 3, 7]])
 
 
 def test_equal_seeds_judge_equally(picture):
@@ -180,7 +193,7 @@ def test_a_kept_sweep_reads_as_the_run_does():
 
 def test_floors_are_predicted_and_flown(picture):
     floors = f"{picture}@1.5 {picture}@1"
-    given = suitability.Parameters(floors=floors, frames=25, test_frames=20)
+    given = suitability.Parameters(floors=floors, frames=25, test_frames=40)
     flight = small_flight()
     record = suitability.run(flight, flight, given)
     rows = record.values["floors"]

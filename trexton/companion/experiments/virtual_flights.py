@@ -32,7 +32,7 @@ from trexton.vision.threads import ahead
 
 LANE, SURVEY_SPEED = 0.5, 1.2  # metres between lanes that see everything twice; the survey's m/s
 FEW = 110  # frames of the survey behind a first number
-LATER = 3  # flights after the survey, by which errors are predicted, or measured
+LATER, MEASURED = 4, 3  # flights after the survey, by which errors are predicted; and measured
 CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
 REACH_M = 1.2  # over which errors of flights are averaged for that map
 SIGMA_M = 0.8  # of the paper's map loss
@@ -45,16 +45,16 @@ class VirtualFlights(Options):
     """How a floor is flown over."""
 
     frames: int = option(0, "of the survey; 0 takes as many as its lanes need", low=0, high=20000)
-    test_frames: int = option(200, "of each later flight, whose errors count", low=20, high=20000)
+    test_frames: int = option(100, "of each later flight, whose errors count", low=20, high=20000)
     height: float = option(1.0, "metres above the floor", low=0.2, high=10)
     seed: int = option(1, "of the flights", low=0)
 
-    def drawn(self, floor: Floor, pool: ThreadPoolExecutor, *, few: bool = False) -> Drawn:
-        """A survey, and flights between random places an hour later, drawn by a pool. Of frames
-        each second is kept, so that fewer cover the floor; or but a `few`, of a quarter of the
-        pixels.
+    def drawn(self, floor: Floor, pool: ThreadPoolExecutor, count: int, few: bool = False) -> Drawn:
+        """A survey, and `count` flights between random places an hour later, drawn by a pool. Of
+        frames each second is kept, so that fewer cover the floor; or but a `few`, of a quarter of
+        the pixels.
         """
-        every, count, camera = (6, 1, Camera(320, 240, 260.0)) if few else (2, LATER, Camera())
+        every, camera = (6, Camera(320, 240, 260.0)) if few else (2, Camera())
         x_min, x_max, y_min, y_max = floor.area
         path = 2 * (x_max - x_min) * (y_max - y_min) / LANE
         usual = int(np.clip(path / (SURVEY_SPEED * PERIOD * every), 200, 2000))
@@ -93,7 +93,7 @@ def predictions(floor: Floor, *, flights: VirtualFlights) -> Iterator[Any]:
     """
     pool = ThreadPoolExecutor(1)
     try:
-        few, drawn = flights.drawn(floor, pool, few=True), flights.drawn(floor, pool)
+        few, drawn = flights.drawn(floor, pool, 1, few=True), flights.drawn(floor, pool, LATER)
         yield _first_cm(flights, few)
         yield _judged(floor, flights, drawn)
     finally:
@@ -105,7 +105,7 @@ def first_prediction(floor: Floor, *, flights: VirtualFlights) -> float | None:
     pixels: within seconds, and coarser than `judge_floor`. None where they show too little.
     """
     with ThreadPoolExecutor(1) as pool:
-        return _first_cm(flights, flights.drawn(floor, pool, few=True))
+        return _first_cm(flights, flights.drawn(floor, pool, 1, few=True))
 
 
 def _first_cm(flights: VirtualFlights, drawn: Drawn) -> float | None:
@@ -126,7 +126,7 @@ def judge_floor(floor: Floor, *, flights: VirtualFlights = VirtualFlights()) -> 
         over the floor in metres; ``worst_m``, where it is largest.
     """
     with ThreadPoolExecutor(1) as pool:
-        return _judged(floor, flights, flights.drawn(floor, pool))
+        return _judged(floor, flights, flights.drawn(floor, pool, LATER))
 
 
 def _judged(floor: Floor, flights: VirtualFlights, drawn: Drawn) -> dict[str, Any]:
@@ -134,8 +134,9 @@ def _judged(floor: Floor, flights: VirtualFlights, drawn: Drawn) -> dict[str, An
     from trexton.companion.experiments.metrics import euclidean, mean_with_interval
 
     texton_map, flown, errors = flights.flown(drawn)
-    mean = mean_with_interval(errors[METHOD], stream(flights.seed, "intervals"))
-    heat, worst = _expected(texton_map, flown, errors[METHOD].ravel(), floor.area)
+    errors_cm, places = _prolonged(errors[METHOD], flown)
+    mean = mean_with_interval(errors_cm, stream(flights.seed, "intervals"))
+    heat, worst = _expected(texton_map, places, errors_cm.ravel(), floor.area)
     centre = constant_guess(texton_map.positions, len(flown))
     whole = texton_map.joined()
     losses = local_losses(whole.histograms, whole.positions, SIGMA_M)
@@ -157,7 +158,7 @@ def measured_cm(
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """By method, errors in cm at all frames after a survey; and ``(N, 2)`` where they were."""
     with ThreadPoolExecutor(1) as pool:
-        _, flown, errors = flights.flown(flights.drawn(floor, pool), methods)
+        _, flown, errors = flights.flown(flights.drawn(floor, pool, MEASURED), methods)
     return {method: each.ravel() for method, each in errors.items()}, flown
 
 
@@ -173,6 +174,14 @@ def _errors_cm(texton_map: TextonMap, tests: Drawn, seed: int) -> np.ndarray:
     # Here, as flights in threads would lift each other's limit.
     with threadpool_limits(1, user_api="blas"):
         return np.stack(list(ahead(errors, range(len(tests)))))
+
+
+def _prolonged(errors_cm: np.ndarray, flown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Errors ``(F, N)`` and places ``(F N, 2)`` as of flights twice as long: once a place is found
+    a flight goes on as in its later half."""
+    late = np.arange(errors_cm.shape[1] // 2, errors_cm.shape[1])
+    rows = np.r_[: errors_cm.shape[1], late, late]
+    return errors_cm[:, rows], flown.reshape(*errors_cm.shape, 2)[:, rows].reshape(-1, 2)
 
 
 def _expected(
