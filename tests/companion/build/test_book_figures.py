@@ -76,7 +76,9 @@ def test_a_book_without_a_ledger_has_none_of_its_figures(names, tmp_path):
         assert figure(name, names | {"ledger": None}, tmp_path) == ""
         assert "Virtual hall" in figure(name, names, tmp_path)
     drawn = figure("claims", names, tmp_path)
-    assert re.findall("|".join(sorted(VERDICTS, key=len)[::-1]), drawn)[: len(VERDICTS)] == [*VERDICTS]
+    assert re.findall("|".join(sorted(VERDICTS, key=len)[::-1]), drawn)[: len(VERDICTS)] == [
+        *VERDICTS
+    ]
 
 
 def test_every_page_of_prose_alone_begins_with_a_figure():
