@@ -57,6 +57,7 @@ def test_its_words_are_text_inside_of_the_drawing_on_wide_pages_and_on_phones(
     wide, phone = BeautifulSoup(text, "html.parser").find_all("svg")
     for drawing, most in ((wide, 720), (phone, 340)):
         assert drawing["aria-label"] and drawing["width"] == str(most)
+        assert drawing["role"] == ("group" if drawing.find("a") else "img")
         words = drawing.find_all("text")
         assert len(words) > 5
         for each in words:
