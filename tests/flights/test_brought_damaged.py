@@ -152,3 +152,22 @@ def test_hemispheres_and_fixes(tmp_path_factory, latitude, longitude, lost, text
     np.testing.assert_allclose(flight.origin, (latitude, longitude), atol=1e-4)
     np.testing.assert_allclose(np.diff(flight.position[:, 1]), 1.11, atol=0.06)
     assert len(flight) == 6 and any("without a fix" in line for line in said) == bool(lost)
+
+
+@pytest.mark.parametrize(
+    ("names", "asked"),
+    [
+        (sorted(f"f{row}.png" for row in range(12)), True),
+        ([f"f{row}.png" for row in range(12)], False),
+        (sorted(f"f{1 + row / 25}.png" for row in range(12)), False),  # f1.04 before f1.2
+    ],
+)
+def test_images_in_the_order_of_text_are_asked_about(tmp_path, names, asked):
+    rows = ["t,x,y,image"]
+    for row, name in enumerate(names):
+        cv2.imwrite(str(tmp_path / name), picture(row))
+        rows.append(f"{row / 10},{row},{row % 3},{name}")
+    (tmp_path / "table.csv").write_text("\n".join(rows))
+    said = " ".join(import_flight(tmp_path / "table.csv", tmp_path / "out")[1])
+    assert ("in the order of names as text, f10.png before f2.png" in said) == asked
+    assert "order of names" not in said or asked

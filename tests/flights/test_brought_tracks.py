@@ -355,8 +355,11 @@ def test_a_yaw_in_radians_is_none_in_degrees(tmp_path, factor, said):
 
 @pytest.mark.parametrize(
     ("ending", "factor"),
-    [("_ft", 1 / 0.3048), (" (feet)", 1 / 0.3048), (" [mm]", 1e3), ("_cm", 100), ("_m", 1)],
-)
+    [
+        ("_ft", 1 / 0.3048), (" (feet)", 1 / 0.3048), (" [mm]", 1e3), ("_cm", 100), ("_m", 1),
+        (" [in]", 1 / 0.0254), ("_in", 1),
+    ],
+)  # fmt: skip
 def test_columns_whose_names_end_with_a_unit_are_taken_in_it(tmp_path, ending, factor):
     """Unless a unit is given; a yaw whose name says degrees is in degrees."""
     x, y, z = (name + ending for name in "xyz")
@@ -370,6 +373,15 @@ def test_columns_whose_names_end_with_a_unit_are_taken_in_it(tmp_path, ending, f
     track, said = read_track(tmp_path / "t.csv", replace(columns, unit="mm"))
     np.testing.assert_allclose(track.position[:, 1], factor / 1000)
     assert not said
+
+
+@pytest.mark.parametrize(("ending", "factor"), [("_ms", 1e3), (" [us]", 1e6), ("_d", 1)])
+def test_stamps_whose_column_names_a_unit_are_taken_in_it(tmp_path, ending, factor):
+    rows = [f"{round(i * factor)},{i},0" for i in range(9)]
+    (tmp_path / "t.csv").write_text(f"time{ending},x,y\n" + "\n".join(rows))
+    track, said = read_track(tmp_path / "t.csv", TrackColumns(f"time{ending}"))
+    np.testing.assert_array_equal(track.time_ns, np.arange(9) * 10**9)
+    assert ["as its name says" in line for line in said] == [True] * (factor != 1)
 
 
 @pytest.mark.parametrize(("height", "metres"), [("100.00ft", 30.48), ("30.50m", 30.5)])

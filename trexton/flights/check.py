@@ -1,7 +1,5 @@
-"""Read a flight folder to the last image and report what is there and what is wrong.
-
-`check_flight` reports; `repair_flight` does what the warnings advise and writes the result beside
-the original, a line for each.
+"""Read a flight folder to the last image: `check_flight` reports what is there and what is wrong,
+`repair_flight` does what the warnings advise and writes the result beside the original.
 """
 
 import os
@@ -85,9 +83,8 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
 def _images(
     reading: Reading,
 ) -> tuple[Counter[tuple[int, int]], dict[int, str], list[int], int, list[np.ndarray]]:
-    """What decoding every image shows: how many are of each size; by its row in frames.csv, what
-    keeps one from being used; the rows whose picture is the one before to the bit, or blank; how
-    many are dark; and `small` ones of the first.
+    """What decoding every image shows: how many are of each size; by rows of frames.csv, what keeps
+    one from use; the rows whose picture is the one before, or blank; dark ones; `small` first ones.
     """
     places: dict[int, tuple[Path, tuple[int, int]]] = {}
     unusable, frozen, before, dark, first = {}, [], np.empty(0), 0, []

@@ -1,11 +1,11 @@
 """From a recording to a Flight folder: positions matched, images brought to one size.
-
 `import_flight` writes it whole or not at all; `preview_import` tells what it would take for what.
 """
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +27,7 @@ from trexton.flights.importers.recording import NANO, PoseTrack, Recording, matc
 from trexton.flights.tracking import SET_BACK, count_of, lost_rows
 from trexton.flights.writing import write_tables
 from trexton.vision.camera import Rectification
+from trexton.vision.images import natural_order
 
 
 @dataclass(frozen=True)
@@ -127,6 +128,7 @@ class _Plan:
             words.append("stamps of frames and positions taken as of one clock")
         done = None
         if (frames := recording.frames) is not None:
+            words += _order_of_text([*getattr(frames, "files", ())])
             done = rectification_of(frames, common.undistort, common.crop, common.scale)
         flight = _flight(recording, placed, done, common.name or name or source.stem)
         options = {**chosen.as_dict(), **common.as_dict()}
@@ -226,6 +228,17 @@ def _without_lost(stamps: np.ndarray, track: PoseTrack) -> tuple[PoseTrack, list
             lost = f"{count_of(len(rows), 'position')} {how}, the first at {first:.2f} s"
             said.append(f"{lost}: tracking was lost there, left out")
     return track.rows(kept), said
+
+
+def _order_of_text(files: list[Path]) -> list[str]:
+    """A sentence where they come as text, 1, 10, 2, by names that hold one number each."""
+    counted = sorted(files, key=natural_order)
+    numbered = all(re.fullmatch(r"\D*\d+\D*", file.stem) for file in files)
+    if not numbered or files == counted or files != sorted(files):
+        return []
+    early, late = next(pair for pair in zip(files, counted, strict=True) if len({*pair}) > 1)
+    order = f"images come in the order of names as text, {early.name} before {late.name}"
+    return [f"{order}: are they those of their rows? pair them by their numbers"]
 
 
 def _split(share: float, count: int) -> dict[str, tuple[int, int]]:

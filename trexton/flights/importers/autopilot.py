@@ -1,7 +1,5 @@
 """Positions that an autopilot logged: ArduPilot's ``.bin``, PX4's ``.ulg``, DJI's subtitles
-(``.srt``) beside a video.
-
-`read_log` reads a file by its suffix, in metres east and north, with yaw anticlockwise from north.
+(``.srt``) beside a video. `read_log`: metres east and north, yaw anticlockwise from north.
 """
 
 import io

@@ -1,7 +1,5 @@
-"""What a photograph says of itself in EXIF and XMP: place, height, attitude and time.
-
-`read_shot` reads a file, `missing_zones` names what times lack.
-"""
+"""What a photograph says of itself in EXIF and XMP: place, height, attitude and time. `read_shot`
+reads a file, `missing_zones` names what times lack."""
 
 import re
 from contextlib import suppress
@@ -36,31 +34,17 @@ _NORTH_EAST_DOWN = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 @dataclass(frozen=True)
 class Shot:
-    """What is known of a photograph.
-
-    Attributes
-    ----------
-    latitude, longitude : float
-        Degrees; NaN where there are none.
-    altitude : float
-        Metres above the sea.
-    height : float
-        Metres above the place of take-off, where the vehicle told it.
-    attitude : (roll, pitch, yaw)
-        Radians, of the camera; see `trexton.vision.camera`.
-    time_ns : int
-        Nanoseconds since 1970; 0 where there is no time.
-    zoned : bool
-        Whether the zone of the time is known; it is taken as UTC otherwise.
+    """What is known of a photograph; NaN what is not. Its attitude is the camera's roll, pitch, yaw
+    in radians; see `trexton.vision.camera`.
     """
 
-    latitude: float = np.nan
-    longitude: float = np.nan
-    altitude: float = np.nan
-    height: float = np.nan
+    latitude: float = np.nan  # degrees
+    longitude: float = np.nan  # degrees
+    altitude: float = np.nan  # metres above the sea
+    height: float = np.nan  # metres above the place of take-off, where the vehicle told it
     attitude: tuple[float, float, float] = _UNKNOWN
-    time_ns: int = 0
-    zoned: bool = False
+    time_ns: int = 0  # nanoseconds since 1970; 0 where there is no time
+    zoned: bool = False  # whether the zone of the time is known: else it is taken as UTC
 
 
 def read_shot(path: Path) -> Shot:

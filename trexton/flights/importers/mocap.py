@@ -1,7 +1,5 @@
 """Exports of motion capture: Motive (OptiTrack), Vicon Tracker and Nexus, Qualisys Track Manager.
-
-`read_mocap` finds out which wrote a file and gives the columns of one rigid body as a
-table, with what they mean as options of `TrackColumns`.
+`read_mocap` gives the columns of one rigid body as a table, and options of `TrackColumns`.
 """
 
 import csv
@@ -14,7 +12,7 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.flights.tables import LENGTHS, TextTable
 
-UNITS = {**LENGTHS, "ft": 0.3048}  # metres
+UNITS = {**LENGTHS, "ft": 0.3048, "in": 0.0254}  # metres
 _WORDS = {"metres": "m", "meters": "m", "centimeters": "cm", "millimeters": "mm", "feet": "ft"}
 _NUMBER = re.compile(r"[-+]?\d+([.,]\d*)?")
 

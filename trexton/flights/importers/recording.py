@@ -1,7 +1,5 @@
 """What an importer reads: frames with their stamps, and a track of positions with its own.
-
-`Recording` and `PoseTrack` hold it, `match` gives each frame its position.
-"""
+`Recording` and `PoseTrack` hold it, `match` gives each frame its position."""
 
 from __future__ import annotations
 
@@ -24,24 +22,12 @@ SAME_PLACE = 0.05  # metres: rows of one stamp that lie nearer tell the same, ro
 
 @dataclass(frozen=True, eq=False)
 class PoseTrack:
-    """Where the vehicle was.
+    """Where the vehicle was, on the clock of the frames as far as the source knows."""
 
-    Attributes
-    ----------
-    time_ns : (M,) int64 array
-        On the clock of the frames, as far as the source knows.
-    position : (M, 3) array
-        Metres; z is NaN where it was not recorded.
-    attitude : (M, 3) array or None
-        Roll, pitch, yaw in radians; see `trexton.vision.camera`.
-    origin : (latitude, longitude) or None
-        Degrees of the place from which positions count metres east and north.
-    """
-
-    time_ns: np.ndarray
-    position: np.ndarray
-    attitude: np.ndarray | None = None
-    origin: tuple[float, float] | None = None
+    time_ns: np.ndarray  # (M,) int64, nanoseconds
+    position: np.ndarray  # (M, 3) metres; z is NaN where it was not recorded
+    attitude: np.ndarray | None = None  # (M, 3) roll, pitch, yaw: radians, see vision.camera
+    origin: tuple[float, float] | None = None  # latitude, longitude of x (east), y (north) 0
 
     def rows(self, chosen: np.ndarray) -> PoseTrack:
         """The track at these rows: indices or a mask."""
@@ -70,16 +56,10 @@ class PoseTrack:
             raise FlightError(f"{where}, row {row}: {found}, or a thousandth: give all in one unit")
 
     def ordered(self, where: str, lines: Sequence[int] = ()) -> tuple[PoseTrack, list[str]]:
-        """The track in order of its stamps, one row a stamp, and what was done for it.
+        """The track in order of its stamps, one row a stamp, and what was done for it: sentences
+        that say `where` it is from and number rows by `lines`, from 1 unless given.
 
         Of rows with one stamp the first with a place is kept; where they lie apart, none is.
-
-        Parameters
-        ----------
-        where : str
-            The source, for the sentences.
-        lines : sequence of int, optional
-            The number of each row in it; counted from 1 unless given.
         """
         lines = lines or range(1, len(self.time_ns) + 1)
         moved = np.hypot(*np.diff(self.position[:, :2], axis=0).T)
@@ -119,33 +99,16 @@ class PoseTrack:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A flight as its source has it.
+    """A flight as its source has it."""
 
-    Attributes
-    ----------
-    time_ns : (N,) int64 array
-        Stamps of the frames.
-    track : PoseTrack or None
-        None where the source has no positions.
-    frames : ImageFiles, Forward or None
-        None without images.
-    histograms : (N, K) array or None
-    features : str
-        What the histograms count: ``textons``, or another word for features whose values need not
-        sum to one.
-    camera : Camera or None
-    said : list of str
-        Sentences for the person who imports.
-    """
-
-    time_ns: np.ndarray
+    time_ns: np.ndarray  # (N,) int64 nanoseconds, of the frames
     track: PoseTrack | None = None
     frames: ImageFiles | Forward | None = None
-    histograms: np.ndarray | None = None
-    features: str = "textons"
+    histograms: np.ndarray | None = None  # (N, K)
+    features: str = "textons"  # what they count: others than textons need not sum to one
     camera: Camera | None = None
     source: str = ""
-    said: list[str] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)  # sentences for the person who imports
 
     def rows(self, chosen: np.ndarray, *said: str) -> Recording:
         """The recording with these of its frames, and sentences that say so."""
@@ -161,12 +124,8 @@ def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[Po
     Positions are interpolated, angles along the shorter way; NaN where no position is near.
 
     A frame is matched if it lies on a stamp or between two that are at most twice the tolerance
-    apart. Rows of the track without a place do not count.
-
-    Raises
-    ------
-    FlightError
-        The track has no place, or no frame is matched.
+    apart. Rows of the track without a place do not count. Raises `FlightError` where it has no
+    place, or no frame is matched.
     """
     track = track.located()
     stamps = track.time_ns

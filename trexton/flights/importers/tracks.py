@@ -1,11 +1,9 @@
-"""Files of positions: a table whose columns and units are declared, or a format of the trade.
-
-`TrackColumns` declares a table; `read_track` also finds out trajectories of TUM, motion capture,
-autopilots' logs and subtitles by how a file begins.
+"""Files of positions: `TrackColumns` declares a table; `read_track` also finds out trajectories of
+TUM, motion capture, autopilots' logs and subtitles by how a file begins.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -80,18 +78,27 @@ class TrackColumns(Options):
 
     def stamps(self, table: TextTable, said: list[str]) -> np.ndarray:
         """``(N,) int64`` nanoseconds, which count on over midnight."""
-        return next_day(table.nanoseconds(self.time, self.time_unit), table.path, table.rows, said)
+        unit = _unit(table, self.time, self.time_unit, TIMES, said)
+        return next_day(table.nanoseconds(self.time, unit), table.path, table.rows, said)
 
 
 def metres(table: TextTable, name: str, unit: str, said: list[str]) -> np.ndarray:
     """``(N,)`` metres; unless a unit is given, of that with which the column's name ends."""
     if not name:
         return np.full(len(table), np.nan)
-    ending = re.search(r"(?i)[_ (\[](mm|cm|ft|feet)[)\]]?$", name)
-    if ending and unit == "m":
-        unit = ending[1].lower().replace("feet", "ft")
-        said.append(f"{table.path}: {name} is taken in {unit}, as its name says")
-    return UNITS[unit] * _column(table, name)
+    return UNITS[_unit(table, name, unit, UNITS, said)] * _column(table, name)
+
+
+def _unit(table: TextTable, name: str, unit: str, units: Iterable[str], said: list[str]) -> str:
+    """The unit, if another than the usual first is given; else that with which a name ends; ``in``
+    and ``d`` count in brackets only.
+    """
+    usual, *others = units
+    ending = re.search(rf"(?i)[_ (\[]({'|'.join(others)}|feet)[)\]]?(?<![_ ]in)(?<![_ ]d)$", name)
+    if ending is None or unit != usual:
+        return unit
+    said.append(f"{table.path}: {name} is taken in {ending[1].lower()}, as its name says")
+    return ending[1].lower().replace("feet", "ft")
 
 
 def next_day(stamps: np.ndarray, path: Path, rows: Sequence[int], said: list[str]) -> np.ndarray:
@@ -134,18 +141,9 @@ def pose_track(
 
 
 def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]:
-    """The track in a file of any format that is known, and what to know of it.
-
-    Parameters
-    ----------
-    columns : TrackColumns
-        Of a table. Those of motion capture have names of their own, taken unless others than the
-        defaults are asked for.
-
-    Raises
-    ------
-    FlightError
-        It cannot be read as what it begins as.
+    """The track in a file of any format that is known, and what to know of it. Columns of motion
+    capture have names of their own, taken unless others than the defaults are asked for. Raises
+    `FlightError` where it cannot be read as what it begins as.
     """
     if (log := read_log(path)) is not None:
         return log.ordered(str(path))
