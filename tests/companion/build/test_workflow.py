@@ -109,36 +109,50 @@ def test_a_rename_of_the_flights_folder_changes_nothing(without_kernels, house, 
     assert statuses(house.run()) == {"first": "reused", "second": "reused"}
 
 
-def test_the_executed_notebook_holds_its_parameters_and_nothing_of_the_clock(house):
-    house.run(settings={"factor": 5}, only=["first"])
-    executed = nbformat.read(house.out / "small" / "first.ipynb", as_version=4)
-    given = {"flight": str(house.flight), "test_flight": None, "out": str(house.out)}
-    assert executed["metadata"]["trexton"] == {
+@pytest.fixture(scope="module")
+def executed(tmp_path_factory):
+    """Two notebooks run in kernels, the second in vain, into a folder of an odd name: that folder,
+    the given flight, the first as it was executed, and why the second failed.
+    """
+    folder = tmp_path_factory.mktemp("executed")
+    flight, out = write_flight(small_flight(), folder / "small"), folder / 'Jürgens "out" \\n'
+    write_notebook(folder / "notebooks", "first", "print(out)\n" + BODY)
+    write_notebook(folder / "notebooks", "second", "raise ValueError(out)\n")
+    first, failed = run_experiments(
+        [FlightPair(str(flight))], out, jobs=2, notebooks=folder / "notebooks",
+        experiments={"first": tiny("First"), "second": tiny("Second", after=("first",))},
+        settings={"factor": 5},
+    )  # fmt: skip
+    assert (first.status, failed.status) == ("ran", "failed"), (first, failed)
+    notebook = nbformat.read(out / "small" / "first.ipynb", as_version=4)
+    return out, flight, notebook, failed.reasons
+
+
+def test_the_executed_notebook_holds_its_parameters_and_nothing_of_the_clock(executed):
+    out, flight, notebook, _ = executed
+    given = {"flight": str(flight), "test_flight": None, "out": str(out)}
+    assert notebook["metadata"]["trexton"] == {
         "parameters": {"factor": 5, "label": "a", "rate": 0.5, **given}
     }
     (injected,) = [
         cell
-        for cell in executed["cells"]
+        for cell in notebook["cells"]
         if "injected-parameters" in cell["metadata"].get("tags", [])
     ]
     assert "factor = 5" in injected["source"] and "remove-cell" in injected["metadata"]["tags"]
-    own = [executed["metadata"], *(cell["metadata"] for cell in executed["cells"])]
+    own = [notebook["metadata"], *(cell["metadata"] for cell in notebook["cells"])]
     assert "papermill" not in json.dumps(own)  # it tells times
-    assert "iopub" not in json.dumps(executed)
+    assert "iopub" not in json.dumps(notebook)
 
 
-def test_the_folder_that_was_worked_in_is_named_nowhere_whatever_its_name(house):
-    house.out = house.out.with_name('Jürgens "out" \\n')
-    write_notebook(house.notebooks, "first", "print(out)\n" + BODY)
-    write_notebook(house.notebooks, "second", "raise ValueError(out)\n")
-    second = house.run(jobs=2)["second"]
-    executed = nbformat.read(house.out / "small" / "first.ipynb", as_version=4)
-    assert ".work." not in json.dumps(executed) + str(second.reasons)
-    assert executed["cells"][-1]["outputs"][0]["text"] == f"{house.out}\n"
-    assert f"ValueError: {house.out};" in second.reasons[0]
+def test_the_folder_that_was_worked_in_is_named_nowhere_whatever_its_name(executed):
+    out, _, notebook, reasons = executed
+    assert ".work." not in json.dumps(notebook) + str(reasons)
+    assert notebook["cells"][-1]["outputs"][0]["text"] == f"{out}\n"
+    assert f"ValueError: {out};" in reasons[0]
     names = {}
-    exec(executed["cells"][2]["source"], names)
-    assert names["out"] == str(house.out)
+    exec(notebook["cells"][2]["source"], names)
+    assert names["out"] == str(out)
 
 
 @pytest.mark.parametrize(
