@@ -349,6 +349,7 @@ def test_a_finer_map_has_more_pixels_and_blank_floor_is_masked(flight, monkeypat
 # what cannot be stitched
 
 
+@pytest.mark.parametrize("flight", ["tilted"], indirect=True, scope="module")
 def test_where_half_size_leaves_frames_out_full_size_is_tried(flight, monkeypatch):
     tried = []
 
@@ -362,11 +363,13 @@ def test_where_half_size_leaves_frames_out_full_size_is_tried(flight, monkeypatc
     assert stitch(flight).used.all() and tried == [(0.5, 600), (1.0, 2000)]
 
 
+@pytest.mark.parametrize("flight", ["tilted"], indirect=True, scope="module")
 def test_too_few_anchors_are_named(flight):
     with pytest.raises(ParameterError, match="anchors is 2"):
         stitch(flight.select(slice(0, 12)), anchors=2)
 
 
+@pytest.mark.parametrize("flight", ["tilted"], indirect=True, scope="module")
 def test_flights_that_cannot_be_stitched_say_why(flight, tmp_path, monkeypatch):
     part = flight.select(slice(0, 12))
     with pytest.raises(FlightError, match="no images"):
