@@ -124,8 +124,12 @@ def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[Po
     Positions are interpolated, angles along the shorter way; NaN where no position is near.
 
     A frame is matched if it lies on a stamp or between two that are at most twice the tolerance
-    apart. Rows of the track without a place do not count. Raises `FlightError` where it has no
-    place, or no frame is matched.
+    apart. Rows of the track without a place do not count.
+
+    Raises
+    ------
+    FlightError
+        The track has no place, or no frame is matched.
     """
     track = track.located()
     stamps = track.time_ns
