@@ -12,7 +12,7 @@ import pytest
 from conftest import ROOT, small_flight
 
 from trexton.cli.main import main
-from trexton.companion.build.prose import context
+from trexton.companion.build.prose import context, render
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 from trexton.onboard.sinks import SINKS
@@ -140,8 +140,7 @@ def test_the_book_tells_what_is_done_about_every_fault():
 
 
 def test_the_book_names_every_source_and_sink(tmp_path):
-    page = (ROOT / "book" / "onboard.md").read_text()
-    for name, table in context(tmp_path, {}, lambda page, words: words).items():
-        page = page.replace(f"{{{{ {name} }}}}", str(table))
+    names = context(tmp_path, {}, lambda page, words: words)
+    page = render(ROOT / "book" / "onboard.md", names)
     for name in (*SINKS, "stream:", "flight:"):
         assert f"`{name}" in page
