@@ -1,4 +1,5 @@
 """From a recording to a Flight folder: positions matched, images brought to one size.
+
 `import_flight` writes it whole or not at all; `preview_import` tells what it would take for what.
 """
 

@@ -125,7 +125,9 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
         first = with_splits(first)
         train, test = first.part("train"), first.part("test")
     else:
-        train, test = first.part_or_all("train"), read_flight(test_flight).part_or_all("test")
+        second = read_flight(test_flight)
+        train = first.part_or_all("train")
+        test = second.part_or_all("test")
     located = int(test.located.sum())
     if located < 3:
         raise FlightError(
@@ -146,8 +148,12 @@ def with_splits(flight: Flight) -> Flight:
     located = np.flatnonzero(flight.located)
     rows = located if len(located) > 1 else np.arange(len(flight))
     last = int(rows[min(max(1, round(_SHARE * len(rows))), len(rows) - 1) - 1])
-    first, end, begin, final = (int(flight.frame[row]) for row in (0, last, last + 1, -1))
-    return replace(flight, split={"train": (first, end), "test": (begin, final)})
+    numbers = flight.frame
+    train, test = (numbers[0], numbers[last]), (numbers[last + 1], numbers[-1])
+    return replace(
+        flight,
+        split={"train": (int(train[0]), int(train[1])), "test": (int(test[0]), int(test[1]))},
+    )
 
 
 def _resolve(path: str) -> Path:

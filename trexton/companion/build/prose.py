@@ -6,7 +6,6 @@ absent stands in ``{% if %}``. The README's table of results is that of the firs
 """
 
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from importlib.metadata import version
@@ -20,12 +19,13 @@ import jinja2
 import trexton
 from trexton.base.cache import repository_root, shipped
 from trexton.base.errors import DataError
-from trexton.base.files import write_file
+from trexton.base.files import read_toml, write_file
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.notebooks import read_content
 from trexton.companion.claims.ledger import load_records
 from trexton.companion.claims.page import map_table
+from trexton.companion.claims.rules import VERDICTS
 from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.registry import EXPERIMENTS
@@ -87,6 +87,7 @@ def context(results: Path, values: Values, see: See) -> dict[str, Any]:
         "kept": kept_records(),
         "flight_title": flight_title,
         "ledger": read_content(results / "claims.json"),
+        "verdicts": VERDICTS,
         "paper": published(),
         "quoted": quoted(),
         "paper_map": paper_map,
@@ -154,7 +155,7 @@ def quoted() -> dict[str, Any]:
     repeats, each with its source.
     """
     files = shipped("data/quoted").glob("*.toml")
-    return {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in files}
+    return {path.stem: read_toml(path) for path in files}
 
 
 def public_names() -> list[tuple[str, str]]:

@@ -43,9 +43,10 @@ def run(arguments: argparse.Namespace) -> int:
     steps = [partial(step, floor, flights=flights) for step in both for floor in floors.values()]
     # A single floor is judged here, on all cores: processes would share less of the work.
     with working_on(processes=min(len(floors), usable_cores())):
-        answers = spreading(call, steps, "floors")
         if len(floors) == 1:
             answers = virtual_flights.predictions(*floors.values(), flights=flights)
+        else:
+            answers = spreading(call, steps, "floors")
         for name in floors:
             if (error_cm := next(answers)) is not None:
                 say(f"{name}: about {error_cm:.0f} cm by first, coarse flights")

@@ -104,8 +104,15 @@ def _stack(owner: Axes | Figure, legend: Legend | None, **place: Any) -> None:
             handles, labels = owner.get_legend_handles_labels()
         legend.remove()
         short = max(map(len, labels)) <= _SHORT
-        look: dict[str, Any] = {"columnspacing": 1.2, "frameon": False, "fontsize": 9}
-        owner.legend(handles, labels, ncols=2 if short else 1, **look, **place)
+        owner.legend(
+            handles,
+            labels,
+            ncols=2 if short else 1,
+            columnspacing=1.2,
+            frameon=False,
+            fontsize=9,
+            **place,
+        )
 
 
 def to_png(figure: Figure) -> bytes:

@@ -1,5 +1,6 @@
 """What a photograph says of itself in EXIF and XMP: place, height, attitude and time. `read_shot`
-reads a file, `missing_zones` names what times lack."""
+reads a file, `missing_zones` names what times lack.
+"""
 
 import re
 from contextlib import suppress
@@ -41,7 +42,7 @@ class Shot:
     latitude: float = np.nan  # degrees
     longitude: float = np.nan  # degrees
     altitude: float = np.nan  # metres above the sea
-    height: float = np.nan  # metres above the place of take-off, where the vehicle told it
+    height: float = np.nan  # metres above the place of take-off, where the vehicle gave it
     attitude: tuple[float, float, float] = _UNKNOWN
     time_ns: int = 0  # nanoseconds since 1970; 0 where there is no time
     zoned: bool = False  # whether the zone of the time is known: else it is taken as UTC

@@ -1,5 +1,7 @@
 """What an importer reads: frames with their stamps, and a track of positions with its own.
-`Recording` and `PoseTrack` hold it, `match` gives each frame its position."""
+
+`Recording` and `PoseTrack` hold it, `match` gives each frame its position.
+"""
 
 from __future__ import annotations
 
@@ -56,10 +58,16 @@ class PoseTrack:
             raise FlightError(f"{where}, row {row}: {found}, or a thousandth: give all in one unit")
 
     def ordered(self, where: str, lines: Sequence[int] = ()) -> tuple[PoseTrack, list[str]]:
-        """The track in order of its stamps, one row a stamp, and what was done for it: sentences
-        that say `where` it is from and number rows by `lines`, from 1 unless given.
+        """The track in order of its stamps, one row a stamp, and what was done for it.
 
         Of rows with one stamp the first with a place is kept; where they lie apart, none is.
+
+        Parameters
+        ----------
+        where : str
+            The source, for the sentences.
+        lines : sequence of int, optional
+            The number of each row in it; counted from 1 unless given.
         """
         lines = lines or range(1, len(self.time_ns) + 1)
         moved = np.hypot(*np.diff(self.position[:, :2], axis=0).T)
