@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -17,10 +20,6 @@ from trexton.flights.writing import write_flight
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 from trexton.onboard import tally
-
-# While tests are collected, in one thread: where two threads speak first at once, each may begin a
-# voice, and two of them hold a line more than one does.
-tally._begin()
 
 
 @pytest.fixture
@@ -90,6 +89,27 @@ def test_a_terminal_that_is_closed_ends_nothing(words, tmp_path):
         assert process.wait(120) == 0
     finally:
         process.kill()
+
+
+def test_threads_that_speak_first_at_once_begin_one_voice(monkeypatch):
+    spec = importlib.util.find_spec(tally.__name__)
+    fresh = importlib.util.module_from_spec(spec)  # nobody has spoken here
+    spec.loader.exec_module(fresh)
+    speakers = [threading.Thread(target=fresh.say, args=("first",)) for _ in range(4)]
+    begun = []
+
+    class Slow(threading.Thread):
+        def start(self):
+            begun.append(self.name)
+            time.sleep(0.3)  # those who come meanwhile still find no voice
+
+    monkeypatch.setattr(threading, "Thread", Slow)
+    for speaker in speakers:
+        speaker.start()
+    for speaker in speakers:
+        speaker.join()
+    assert begun == ["voice"]
+    assert fresh._lines.qsize() == len(speakers)  # what they said waits for it
 
 
 def test_what_cannot_be_written_in_time_is_left_out(monkeypatch):

@@ -11,7 +11,6 @@ import threading
 import time
 from collections import Counter
 from contextlib import suppress
-from functools import cache
 
 from trexton.base.progress import is_quiet, shown
 
@@ -44,6 +43,7 @@ class Tally:
 
 
 _lines: queue.Queue[str] = queue.Queue(256)  # what comes while it is full is left out
+_begun = threading.Lock()  # whoever speaks first takes it, and keeps it
 
 
 def say(line: str) -> None:
@@ -61,9 +61,9 @@ def flush(patience: float = 0.5) -> None:
         time.sleep(0.002)
 
 
-@cache
 def _begin() -> None:
-    threading.Thread(target=_write_all, name="voice", daemon=True).start()
+    if _begun.acquire(blocking=False):
+        threading.Thread(target=_write_all, name="voice", daemon=True).start()
 
 
 def _write_all() -> None:
