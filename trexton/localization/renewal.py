@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
-from trexton.flights.flight import Flight
+from trexton.flights.flight import Flight, area_around
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import full_histograms, with_parts
 
@@ -33,11 +33,10 @@ def renewed(
     """
     if texton_map.method == "fine":
         raise ParameterError("a map of method fine holds pictures: train it again on both flights")
-    given = np.ma.filled(flight.position, np.nan)
-    known = np.isfinite(given).all(axis=1)
-    if not known.any():
+    if not flight.located.any():
         raise MapError(f"flight {flight.name!r} has no frame with a position: it renews nothing")
-    later, places = flight.select(known), given[known]
+    later = flight.select(flight.located)
+    places = later.position
     histograms = full_histograms(later, texton_map.dictionary, texton_map.cells)
     if histograms.shape[1] != texton_map.histograms.shape[1]:
         raise MapError(
@@ -45,8 +44,7 @@ def renewed(
             f"{texton_map.histograms.shape[1]}: give a flight of the same kind"
         )
     old = ~contradicted(texton_map, histograms, places)
-    every = np.concatenate([np.reshape(texton_map.area, (2, 2)).T, places])
-    (x_min, y_min), (x_max, y_max) = every.min(axis=0).tolist(), every.max(axis=0).tolist()
+    corners = np.reshape(texton_map.area, (2, 2)).T
     start = texton_map.time[-1] + GAP_S - later.time[0]
     news = {"renewed": [flight.name, flight.data_hash], "assessment": None}  # not judged yet
     result = replace(
@@ -54,7 +52,7 @@ def renewed(
         histograms=np.concatenate([texton_map.histograms[old], histograms]),
         positions=np.concatenate([texton_map.positions[old], places]),
         time=np.concatenate([texton_map.time[old], later.time + start]),
-        area=(x_min, x_max, y_min, y_max),
+        area=area_around(np.concatenate([corners, places])),
         provenance=texton_map.provenance | news,
     )
     parts = {role: part.untrained() for role, part in texton_map.parts.items() if role not in KEPT}
