@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from trexton.flights.flight import Flight, area_around
-from trexton.flights.importers.signals import Log, Settings, frames_of
+from trexton.flights.importers.recording import NANO
+from trexton.flights.importers.signals import Settings, read
 
 PERIOD_S = 0.08  # Sec. Speed Versus Accuracy: the autopilot software received 12.5 images a second
 # Frame 0 has no histogram, and the last row of the histogram table has no frame.
@@ -58,12 +59,13 @@ def read_cyberzoo(
 def read_ble(*files: Path) -> Flight:
     """The public Bluetooth walks as one flight: those to train on, then the rectangular ones."""
     settings = Settings(columns="stamp,source,beacon,value,x,y,z,w0,w1,w2,w3,w4,w5,w6,w7,w8")
-    logs = [Log.of(path, settings.columns) for path in files]
-    sources, clock, parts = np.unique(np.concatenate([log.source for log in logs])), 0.0, []
-    for log in logs:
-        time, values, places = frames_of(log, sources, settings)
-        parts.append((time - time[0] + clock, values, places[:, :2]))
-        clock = parts[-1][0][-1] + PAUSE_S
+    clock, parts = 0.0, []
+    for path in files:
+        walk = read(path, settings)  # every one heard all receivers
+        assert walk.track is not None and walk.histograms is not None  # as published
+        time = (walk.time_ns - walk.time_ns[0]) / NANO + clock
+        parts.append((time, walk.histograms, walk.track.position[:, :2]))
+        clock = time[-1] + PAUSE_S
     time, values, places = (np.concatenate(column) for column in zip(*parts, strict=True))
     walks = zip(parts, files, strict=True)
     tested = sum(len(part[0]) for part, path in walks if "rect" in path.name)

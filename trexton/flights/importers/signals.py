@@ -2,8 +2,6 @@
 known. Each source, a radio beacon say, is a feature; a frame is what was heard in a bin of time.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,40 +25,19 @@ class Settings(Options):
     floor: float = option(-100.0, "value of a source that is not heard")
 
 
-@dataclass(frozen=True, eq=False)
-class Log:
-    """Readings: ``(R,)`` stamps in seconds, sources and values, ``(R, 3)`` positions or NaN."""
-
-    time: np.ndarray
-    source: np.ndarray
-    value: np.ndarray
-    position: np.ndarray
-
-    @classmethod
-    def of(cls, path: Path, columns: str) -> Log:
-        """With these columns where the log has no header."""
-        headless = is_number(read_text(path).partition(",")[0])
-        table = read_table(path, columns.split(",") if headless else ())
-        unknown = np.full(len(table), np.nan)
-        places = [table.numbers(axis) if axis in table.header else unknown for axis in "xyz"]
-        position = np.column_stack(places)
-        time, value = table.numbers("stamp"), table.numbers("value")
-        good = (np.abs(time) < 9e9) & np.isfinite(value)  # later ones are not in seconds
-        if not good.any():
-            raise FlightError(f"{path}: no row has a value, and a stamp in seconds: give both")
-        return cls(time[good], np.array(table.texts("source"))[good], value[good], position[good])
+def recognises(source: Path) -> bool:
+    return {"stamp", "source", "value"} <= column_names(source)
 
 
-def frames_of(
-    log: Log, sources: np.ndarray, settings: Settings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each bin with a reading: ``(N,)`` seconds, ``(N, K)`` values, ``(N, 3)`` positions."""
-    start = log.time.min()
-    bins = np.floor((log.time - start) / settings.bin)
+def read(source: Path, settings: Settings) -> Recording:
+    """The recording of one log: a column a source, in the order of their names."""
+    time, names, value, position = _readings(source, settings.columns)
+    start = time.min()
+    bins = np.floor((time - start) / settings.bin)
     used, index = np.unique(bins, return_inverse=True)  # a stamp may lie years from the others
-    columns = np.searchsorted(sources, log.source)
+    sources, columns = np.unique(names, return_inverse=True)
     total, heard = np.zeros((2, len(used), len(sources)))
-    np.add.at(total, (index, columns), log.value)
+    np.add.at(total, (index, columns), value)
     np.add.at(heard, (index, columns), 1)
     values = np.full(total.shape, settings.floor)
     since = np.full(len(sources), np.inf)  # seconds
@@ -69,19 +46,24 @@ def frames_of(
         since = np.where(new, 0.0, since + gap)
         values[row] = np.where(since <= settings.keep, values[row - 1], settings.floor)
         values[row, new] = total[row, new] / heard[row, new]
-    places = np.array([log.position[index == row].mean(axis=0) for row in range(len(used))])
-    return start + settings.bin * used, values, places
-
-
-def recognises(source: Path) -> bool:
-    return {"stamp", "source", "value"} <= column_names(source)
-
-
-def read(source: Path, settings: Settings) -> Recording:
-    """The recording of one log."""
-    log = Log.of(source, settings.columns)
-    time, values, places = frames_of(log, np.unique(log.source), settings)
-    stamps = nanoseconds(time)
+    places = np.array([position[index == row].mean(axis=0) for row in range(len(used))])
+    stamps = nanoseconds(start + settings.bin * used)
     track = PoseTrack(stamps, places) if np.isfinite(places[:, :2]).any() else None
-    name, said = f"log {source.name}", f"{source}: {len(log.time)} readings in {len(time)} frames"
+    name, said = f"log {source.name}", f"{source}: {len(time)} readings in {len(used)} frames"
     return Recording(stamps, track, histograms=values, features="signals", source=name, said=[said])
+
+
+def _readings(path: Path, columns: str) -> tuple[np.ndarray, ...]:
+    """``(R,)`` stamps in seconds, sources and values, ``(R, 3)`` positions or NaN; `columns` are
+    those of a log without a header.
+    """
+    headless = is_number(read_text(path).partition(",")[0])
+    table = read_table(path, columns.split(",") if headless else ())
+    unknown = np.full(len(table), np.nan)
+    places = [table.numbers(axis) if axis in table.header else unknown for axis in "xyz"]
+    time, value = table.numbers("stamp"), table.numbers("value")
+    good = (np.abs(time) < 9e9) & np.isfinite(value)  # later ones are not in seconds
+    if not good.any():
+        raise FlightError(f"{path}: no row has a value, and a stamp in seconds: give both")
+    position = np.column_stack(places)[good]
+    return time[good], np.array(table.texts("source"))[good], value[good], position
