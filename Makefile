@@ -16,7 +16,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench full lab lock crate sbom audit clean rooms frontier proof
+.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench minutes full lab lock crate sbom audit clean rooms frontier proof
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -79,6 +79,9 @@ mutation: env  ## faults put into five core modules: the share that a test notic
 
 bench: env  ## speed of every stage, as ratios within one run
 	@$(BIN)/trexton bench $(ARGS)
+
+minutes: env  ## the suite and the book from nothing, a sweep on a cluster of two, as ratios within one run (an hour)
+	@PYTHONPATH=tests:tests/unneeded $(BIN)/python tests/minutes.py $(or $(ARGS),suite book cluster)
 
 full: env  ## the long sweep of data/sweeps, fine, landings, aiding and survey density over many floors, results to data/reference
 	@for plan in data/sweeps/*.toml; do name=$$(basename $$plan .toml); \
