@@ -78,62 +78,49 @@ def import_flight(
     source, out = Path(source), Path(out)
     clean_leftovers(out)
     check_replaceable(out, replaced)
-    plan = _Plan.of(source, kind, settings or {}, out.name)
-    recording, flight = plan.recording, plan.flight
-    said: list[str] = []
+    kind = kind or guess_kind(source)
+    recording, flight, done, _ = _planned(source, kind, settings or {}, out.name)
     read = recording.frames.files if isinstance(recording.frames, ImageFiles) else ()
     read += (source,) if source.is_file() else ()
     beside = source.resolve() in out.resolve().parents  # a flight may lie in its source's folder
     check_not_read(out, *read, *(() if beside else (source,)))
     with atomic_folder(out, replaced) as work:
-        if recording.frames is not None and plan.rectification is not None:
+        if recording.frames is not None and done is not None:
             (work / "images").mkdir()
-            frames = write_images(recording.frames, plan.rectification, work / "images")
+            frames = write_images(recording.frames, done, work / "images")
             flight = replace(flight, frames=frames)
-            width, height = plan.rectification.size
-            said = [f"{len(frames)} images of {width}x{height}"]
+            recording.said.append(f"{len(frames)} images of {done.size[0]}x{done.size[1]}")
         write_tables(flight, work)
         if faults := load_folder(work).faults:  # what cannot be read replaces nothing
             raise FlightError(faults[0].replace(str(work), str(out)))
-    return read_flight(out), [*recording.said, *said, *plan.matched]
+    return read_flight(out), recording.said
 
 
-@dataclass(frozen=True, eq=False)
-class _Plan:
+def _planned(
+    source: Path, kind: str, settings: Mapping[str, object], name: str
+) -> tuple[Recording, Flight, Rectification | None, dict[str, object]]:
     """What an import will write, but its images: what cannot be right is found before they are
-    written, which may take long. `options` and `matched`: what is taken, what to know of it.
+    written, which may take long. Also what is done to them, and all options as they are taken.
     """
-
-    kind: str
-    options: dict[str, object]
-    recording: Recording
-    flight: Flight
-    rectification: Rectification | None
-    matched: list[str]
-
-    @classmethod
-    def of(cls, source: Path, kind: str | None, settings: Mapping[str, object], name: str) -> _Plan:
-        """By reading the source; raises as `import_flight`."""
-        kind = kind or guess_kind(source)
-        module = importer(kind)
-        given = dict(settings)
-        names = {each.name for each in Common.declared()}
-        # A video has an offset of its own, which may be estimated.
-        names -= {each.name for each in module.Settings.declared()}
-        common = Common.parse({key: given.pop(key) for key in list(given) if key in names})
-        chosen = module.Settings.parse(given, f"import {kind}")
-        recording = of_one_size(_ordered(module.read(source, chosen)))
-        split = _split(common.split, len(recording.time_ns))
-        placed, words = _placed(recording, common)
-        if recording.track is not None and "offset" in names and not common.offset:
-            words.append("stamps of frames and positions taken as of one clock")
-        done = None
-        if (frames := recording.frames) is not None:
-            words += _order_of_text([*getattr(frames, "files", ())])
-            done = rectification_of(frames, common.undistort, common.crop, common.scale)
-        flight = _flight(recording, placed, done, common.name or name or source.stem)
-        options = {**chosen.as_dict(), **common.as_dict()}
-        return cls(kind, options, recording, replace(flight, split=split), done, words)
+    module = importer(kind)
+    given = dict(settings)
+    names = {each.name for each in Common.declared()}
+    # A video has an offset of its own, which may be estimated.
+    names -= {each.name for each in module.Settings.declared()}
+    common = Common.parse({key: given.pop(key) for key in list(given) if key in names})
+    chosen = module.Settings.parse(given, f"import {kind}")
+    recording = of_one_size(_ordered(module.read(source, chosen)))
+    split = _split(common.split, len(recording.time_ns))
+    placed, words = _placed(recording, common)
+    if recording.track is not None and "offset" in names and not common.offset:
+        words.append("stamps of frames and positions taken as of one clock")
+    done = None
+    if (frames := recording.frames) is not None:
+        words += _order_of_text([*getattr(frames, "files", ())])
+        done = rectification_of(frames, common.undistort, common.crop, common.scale)
+    flight = _flight(recording, placed, done, common.name or name or source.stem)
+    recording = replace(recording, said=recording.said + words)
+    return recording, replace(flight, split=split), done, {**chosen.as_dict(), **common.as_dict()}
 
 
 def preview_import(
@@ -145,13 +132,12 @@ def preview_import(
     """What an import would take for what, as rows of a name and a text; nothing is written. Raises
     as `import_flight`.
     """
-    given = settings or {}
-    plan = _Plan.of(Path(source), kind, given, "")
-    recording, flight = plan.recording, plan.flight
-    rows = [("kind", f"{plan.kind} ({'as given' if kind else 'guessed'})")]
+    given, known = settings or {}, kind or guess_kind(Path(source))
+    recording, flight, done, options = _planned(Path(source), known, given, "")
+    rows = [("kind", f"{known} ({'as given' if kind else 'guessed'})")]
     rows += [
         (name.replace("_", "-"), f"{value} ({'as given' if name in given else 'default'})")
-        for name, value in plan.options.items()
+        for name, value in options.items()
         if value not in ("", None)
     ]
     if (track := recording.track) is not None:
@@ -159,9 +145,9 @@ def preview_import(
         count = len(track.time_ns)
         rows.append(("clock", f"{count} positions from {begin:.3f} to {end:.3f} s of the frames'"))
     rows += facts(flight)
-    if plan.rectification is not None:
-        rows.append(("images", "x".join(map(str, plan.rectification.size)) + " pixels"))
-    return rows + [("note", line) for line in (*recording.said, *plan.matched)]
+    if done is not None:
+        rows.append(("images", "x".join(map(str, done.size)) + " pixels"))
+    return rows + [("note", line) for line in recording.said]
 
 
 def _ordered(recording: Recording) -> Recording:
