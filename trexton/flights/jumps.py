@@ -1,7 +1,8 @@
 """Heights and yaws that jump and come back while the vehicle flies on. `jump_doubts` names them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,16 +32,10 @@ def jump_doubts(flight: Flight) -> Iterator[str]:
             frames = f"(frames {ranges(flight.frame[rows])})"
             said = f"{count_of(len(rows), what)} jumped to and back from {frames}"
             advice = f"was a sensor wrong? leave the {column} of these frames empty"
-            yield Doubt(f"{said}: {advice}", f"{said}, left empty", _without(column, rows))
-
-
-def _without(column: str, rows: np.ndarray) -> Callable[[Flight], Flight]:
-    def mend(flight: Flight) -> Flight:
-        values: Any = getattr(flight, column).copy()
-        values[rows] = np.nan
-        return replace(flight, **{column: values})
-
-    return mend
+            known: Any = getattr(flight, column).copy()
+            known[rows] = np.nan
+            mend = partial(replace, **{column: known})
+            yield Doubt(f"{said}: {advice}", f"{said}, left empty", mend)
 
 
 def _strays(time: np.ndarray, values: np.ndarray, least: float, fastest: float) -> np.ndarray:

@@ -47,12 +47,10 @@ def attitude_from_quaternions(
 
     given = np.asarray(quaternions, dtype=float).reshape(-1, 4)
     known = np.linalg.norm(given, axis=1) > 1e-6
-    turns = Rotation.from_quat(np.where(known[:, None], given, [0.0, 0, 0, 1])).as_matrix() @ axes
-    turns[~known] = np.nan
-    pitch = np.arcsin(np.clip(turns[:, 2, 1], -1, 1))
-    roll = np.arctan2(-turns[:, 2, 0], turns[:, 2, 2])
-    yaw = np.arctan2(-turns[:, 0, 1], turns[:, 1, 1])
-    return np.column_stack([roll, pitch, yaw])
+    turns = Rotation.from_quat(np.where(known[:, None], given, [0.0, 0, 0, 1]))
+    angles = (turns * Rotation.from_matrix(axes)).as_euler("ZXY", suppress_warnings=True)
+    angles[~known] = np.nan
+    return angles[:, ::-1]
 
 
 def quaternions_from_attitude(attitude: np.ndarray, axes: np.ndarray) -> np.ndarray:
@@ -74,7 +72,6 @@ def camera_attitude(quaternions: np.ndarray, axes: str) -> tuple[np.ndarray, lis
     A camera looks at the floor: with ``auto``, quaternions are a camera's where its axes say so in
     most rows, else a vehicle's.
     """
-    quaternions = np.asarray(quaternions, dtype=float)
     if axes == "auto":
         down = _tilts(attitude_from_quaternions(quaternions, AXES["camera"]), 0.5) < 90
         axes = "camera" if down else "flu"

@@ -28,15 +28,14 @@ from trexton.flights.importers.tracks import pose_track
 MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacked
 MOST_TIMES = 1000  # the size of the file: more is not unpacked of it on one way through
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-# where the pose of each kind of message is
+# where the place and the attitude of each kind of message are
 POSES = {
-    "geometry_msgs/msg/PoseStamped": "pose",
-    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose",
-    "geometry_msgs/msg/TransformStamped": "transform",
-    "nav_msgs/msg/Odometry": "pose.pose",
+    "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
+    "geometry_msgs/msg/TransformStamped": ("transform.translation", "transform.rotation"),
+    "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
 }
-# encoding: type of a channel, channels, and the conversion to BGR (None: already). OpenCV names a
-# Bayer pattern by its second row's second pixel, ROS by its first.
+# encoding: type of a channel, channels, and the conversion to BGR (None: already)
 _ENCODINGS: dict[str, tuple[str, int, int | None]] = {
     **dict.fromkeys(("bgr8", "8uc3"), ("u1", 3, None)),
     "rgb8": ("u1", 3, cv2.COLOR_RGB2BGR),
@@ -49,14 +48,9 @@ _ENCODINGS: dict[str, tuple[str, int, int | None]] = {
     "bgr16": ("u2", 3, None),
     "rgb16": ("u2", 3, cv2.COLOR_RGB2BGR),
 } | {
-    f"bayer_{pattern}{8 * size}": (f"u{size}", 1, code)
+    f"bayer_{pattern.lower()}{8 * size}": (f"u{size}", 1, getattr(cv2, f"COLOR_Bayer{pattern}2BGR"))
     for size in (1, 2)
-    for pattern, code in (
-        ("rggb", cv2.COLOR_BayerBG2BGR),
-        ("bggr", cv2.COLOR_BayerRG2BGR),
-        ("gbrg", cv2.COLOR_BayerGR2BGR),
-        ("grbg", cv2.COLOR_BayerGB2BGR),
-    )
+    for pattern in ("RGGB", "BGGR", "GBRG", "GRBG")
 }
 
 
@@ -216,11 +210,7 @@ def _refuse_file(*_: Any) -> NoReturn:
 
 def _pose(message: Any) -> list[float]:
     """x, y, z and the quaternion x, y, z, w."""
-    pose = attrgetter(POSES[message.__msgtype__])(message)
-    if hasattr(pose, "translation"):
-        place, turn = pose.translation, pose.rotation
-    else:
-        place, turn = pose.position, pose.orientation
+    place, turn = attrgetter(*POSES[message.__msgtype__])(message)
     return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
 
 

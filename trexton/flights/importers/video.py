@@ -179,14 +179,11 @@ def _told() -> Iterator[list[str]]:
 def _stamped(video: Path) -> Iterator[tuple[float, np.ndarray]]:
     """Stamp in seconds and BGR of each frame; where stamps are missing, by the stated rate."""
     capture = cv2.VideoCapture(str(video))
-    try:
-        check_capture(capture, video)
-        rate = capture.get(cv2.CAP_PROP_FPS) or 25.0
-        last, number = -1.0, 0
-        while (got := capture.read())[0]:
-            stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
-            stamp = stamp if stamp > last else last + 1 / rate if number else 0.0
-            yield stamp, got[1]
-            last, number = stamp, number + 1
-    finally:
-        capture.release()
+    check_capture(capture, video)
+    rate = capture.get(cv2.CAP_PROP_FPS) or 25.0
+    last, number = -1.0, 0
+    while (got := capture.read())[0]:
+        stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
+        stamp = stamp if stamp > last else last + 1 / rate if number else 0.0
+        yield stamp, got[1]
+        last, number = stamp, number + 1
