@@ -11,8 +11,10 @@ import pytest
 from conftest import ROOT
 from onboard_tools import make_fix, surroundings
 
+from trexton.base import plugins
 from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
+from trexton.cli.main import build_parser
 from trexton.companion.build.prose import context, render
 from trexton.onboard import sinks
 from trexton.onboard.edges import classes_of_options, edge_classes
@@ -54,6 +56,21 @@ def plain(tmp_path, monkeypatch):
     sys.modules.pop("plain_sink", None)
 
 
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """The same of a package, as pip would install it."""
+    (tmp_path / "plain_sink.py").write_text(STRANGER)
+    info = tmp_path / "plain_sink-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: plain-sink\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[trexton.sinks]\nplain = plain_sink:Plain\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    plugins._installed.cache_clear()
+    yield
+    plugins._installed.cache_clear()
+    sys.modules.pop("plain_sink", None)
+
+
 def onboard_page(tmp_path):
     """The page of the book, with its tables."""
     names = context(tmp_path, {}, lambda page, words: words)
@@ -69,6 +86,10 @@ def parsed(*words: str):
     return parser, {kind: chosen_options(arguments, kind) for kind in kinds}
 
 
+def arguments_of(words: list[str]):
+    return build_parser("onboard", words).parse_args(words)
+
+
 def test_a_strangers_sink_in_one_file_of_forty_lines(plain, tmp_path):
     assert len(STRANGER.strip().splitlines()) <= 40
     parser, options = parsed("--plain-unit", "cm", "--plain-digits", "1")
@@ -81,6 +102,21 @@ def test_a_strangers_sink_in_one_file_of_forty_lines(plain, tmp_path):
     table = onboard_page(tmp_path)
     assert "| `plain:FILE` | a line of text a position |" in table
     assert "| `--plain-digits` | `2` | digits after the point |" in table
+
+
+def test_an_installed_sink_is_asked_for_where_words_are_not_of_the_library(installed, capsys):
+    words = ["onboard", "map.npz", "--output", "csv:out", "--rate", "5", "-q"]
+    assert arguments_of(words).output == ["csv:out"] and "plain_sink" not in sys.modules
+    for more in (["--output=plain:out"], ["--plain-unit", "cm"], ["--plain-un=cm"]):
+        arguments = arguments_of(words + more)
+        (kind,) = (each for each in arguments.kinds if each.prefix == "plain")
+        assert chosen_options(arguments, kind).unit == ("m" if "plain:out" in more[0] else "cm")
+    for asked in ("--help", "-qh", "--hel"):
+        with pytest.raises(SystemExit):
+            arguments_of(["onboard", asked])
+        shown = capsys.readouterr().out
+        assert "--plain-unit m|cm" in shown and "crazyflie:URI" not in shown
+        assert "plain (default json)" in " ".join(shown.split())
 
 
 @pytest.mark.parametrize("words", [["--plain-unit", "ell"], ["--plain-digits", "10"]])

@@ -76,7 +76,8 @@ def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argpar
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in [chosen] if chosen in COMMANDS else verbs():
         assert name is not None
-        said = help_line(addresses("commands", COMMANDS).get(name, name)).replace("%", "%%")
+        module = COMMANDS.get(name) or addresses("commands", COMMANDS).get(name, name)
+        said = help_line(module).replace("%", "%%")
         help_of, whole = said.partition(". ")[0].rstrip("."), said[:1].upper() + said[1:]
         command = commands.add_parser(name, help=help_of, description=whole)
         command.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")

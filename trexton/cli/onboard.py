@@ -17,22 +17,36 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    words = parser.get_default("words")
+    parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
+    output = parser.add_argument("--output", action="append", default=[], metavar="SINK")
+    meaning = "another part, or an option of one that trexton methods lists, repeatable"
+    add_assignments(parser, "ROLE[.OPTION]=VALUE", meaning)
+    meaning = "check camera, map and autopilot for some seconds, a line each, and command nothing"
+    parser.add_argument("--preflight", action="store_true", help=meaning)
+    kinds = _classes(words, installed=False)
+    flags = {*parser._option_string_actions, *(k.flag(o.name) for k in kinds for o in k.declared())}
+    typed = {word.partition("=")[0] for word in words if word.startswith("-")}
+    # What packages are installed takes long to read: for a word that may be of theirs, or for help.
+    if not words or not typed <= flags - {"-h", "--help"}:
+        kinds = _classes(words, installed=True)
+        _say_addresses(parser, output)
+    for kind in kinds:
+        add_options(parser, kind)
+    parser.set_defaults(kinds=kinds)
+
+
+def _say_addresses(parser: argparse.ArgumentParser, output: argparse.Action) -> None:
+    """Name in the help what there is, of installed packages too."""
     from trexton.base.plugins import addresses
     from trexton.onboard.sinks import SINKS
     from trexton.onboard.sources import SOURCES
 
-    parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
     kinds = ", ".join(addresses("sinks", SINKS))
-    words = f"KIND, KIND:ADDRESS or module:Class:ADDRESS, repeatable; kinds: {kinds} (default json)"
-    parser.add_argument("--output", action="append", default=[], metavar="SINK", help=words)
-    words = "another part, or an option of one that trexton methods lists, repeatable"
-    add_assignments(parser, "ROLE[.OPTION]=VALUE", words)
+    words = f"KIND, KIND:ADDRESS or module:Class:ADDRESS, repeatable; kinds: {kinds}"
+    output.help = f"{words} (default json)"
     cameras = ", ".join(addresses("sources", SOURCES))
     parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {cameras}."
-    words = "check camera, map and autopilot for some seconds, a line each, and command nothing"
-    parser.add_argument("--preflight", action="store_true", help=words)
-    for kind in _classes(parser.get_default("words")):
-        add_options(parser, kind)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -48,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.map,
         tuple(arguments.output or ["json"]),
         tuple(arguments.settings),
-        {kind: chosen_options(arguments, kind) for kind in _classes(arguments.words)},
+        {kind: chosen_options(arguments, kind) for kind in arguments.kinds},
     )
     if arguments.preflight:
         from trexton.cli.preflight import preflight
@@ -71,8 +85,8 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _classes(words: Sequence[str]) -> list[type[Options]]:
-    """All that has options, with the sources and sinks of their own that `words` name."""
+def _classes(words: Sequence[str], installed: bool) -> list[type[Options]]:
+    """All that has options, of `installed` packages too or with those that `words` name alone."""
     from trexton.onboard.edges import classes_of_options, edge_classes
     from trexton.onboard.settings import Flying, Landing, MapPlacement
     from trexton.onboard.sinks import SINKS
@@ -82,8 +96,8 @@ def _classes(words: Sequence[str]) -> list[type[Options]]:
         after = [word for before, word in zip(words, words[1:], strict=False) if before == flag]
         return after + [word.partition("=")[2] for word in words if word.startswith(flag + "=")]
 
-    sources = edge_classes("sources", SOURCES, typed("--camera"))
-    sinks = edge_classes("sinks", SINKS, typed("--output"))
+    sources = edge_classes("sources", SOURCES, typed("--camera"), installed=installed)
+    sinks = edge_classes("sinks", SINKS, typed("--output"), installed=installed)
     return [Flying, MapPlacement, Landing, *classes_of_options([*sources, *sinks])]
 
 

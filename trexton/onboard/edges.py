@@ -59,7 +59,7 @@ def edge_at(kind: str, address: str, table: Mapping[str, str]) -> tuple[Any, str
         The library's own.
     """
     name, _, rest = address.partition(":")
-    if name in addresses(kind, table):
+    if name in table or name in addresses(kind, table):
         return resolve(kind, name, table), name, rest
     own = _OWN.fullmatch(address)
     if own is None or not is_there(own[1].partition(":")[0]):
@@ -70,14 +70,15 @@ def edge_at(kind: str, address: str, table: Mapping[str, str]) -> tuple[Any, str
     return edge, own[1], own[2] or ""
 
 
-def edge_classes(kind: str, table: Mapping[str, str], typed: Iterable[str] = ()) -> list[Any]:
-    """Every class of a kind once: the library's, those of installed packages, and those that the
-    words of a command line name as ``module:Class``.
+def edge_classes(
+    kind: str, table: Mapping[str, str], typed: Iterable[str] = (), *, installed: bool = True
+) -> list[Any]:
+    """Every class of a kind once: the library's, those of `installed` packages, which takes long,
+    and those that the words of a command line name as ``module:Class``.
     """
     own = [found[0] for word in typed if _OWN.match(word) and (found := edge_at(kind, word, table))]
-    return list(
-        dict.fromkeys([resolve(kind, name, table) for name in addresses(kind, table)] + own)
-    )
+    names = addresses(kind, table) if installed else table
+    return list(dict.fromkeys([resolve(kind, name, table) for name in names] + own))
 
 
 def classes_of_options(edges: Iterable[type[Edge]]) -> list[type[Options]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import queue
 import re
@@ -40,6 +39,8 @@ class CrazyflieSink(Sink):
     addresses = {"crazyflie:URI": "a Crazyflie, as in `crazyflie:radio://0/80/2M/E7E7E7E7E7`"}
 
     def __init__(self, uri: str, local: LocalFrame):
+        import logging  # slow to load, and asked for by cflib alone
+
         from cflib import crtp
         from cflib.crazyflie import Crazyflie
 

@@ -135,8 +135,10 @@ def open_source(
         addressed = edge_at("sources", address, SOURCES) if ":" in address else None
         source, rest = (addressed[0], addressed[2]) if addressed else (None, address)
         if source is None:
-            edges = edge_classes("sources", SOURCES)
-            source = next((each for each in edges if each.matches(address)), None)
+            kinds = (edge_classes("sources", SOURCES, installed=each) for each in (False, True))
+            source = next(
+                (each for edges in kinds for each in edges if each.matches(address)), None
+            )
         if source is None:
             raise ParameterError(
                 f"camera {address!r} is not known: give /dev/videoN, a flight's folder "
