@@ -172,6 +172,16 @@ class TestOverUdp:
             assert sink.land(0)
             clock.now += 4
             assert sink.status() == "autopilot 1 silent" and not sink.land(1)
+            garbled = bytearray(AUTOPILOT_HEARTBEAT.pack(mavlink.MAVLink(None, 1, 1)))
+            garbled[-1] ^= 1
+            assert eventually(
+                lambda: (
+                    peer.socket.sendto(garbled, peer.address)
+                    and sink.status().startswith("autopilot 1 silent, but ")
+                )
+            )
+            peer.send(AUTOPILOT_HEARTBEAT)
+            assert eventually(lambda: sink.status() == "autopilot 1 heard")
         finally:
             sink.close()
 

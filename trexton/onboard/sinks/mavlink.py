@@ -152,11 +152,13 @@ class MavlinkSink(Sink):
 
     def _heard(self, now: float) -> str:
         listener = self.speaker.listener
+        key = " or not signed by our key" * (self._options.sign_key is not None)
+        why = f", but {self._unread} bytes that are no MAVLink{key}: look at wire, port, baud rate"
+        why *= self._unread > MOST_UNREAD
         if listener.target is None:
-            key = " or not signed by our key" * (self._options.sign_key is not None)
-            why = f", but {self._unread} bytes that are no MAVLink{key}: look at port and baud rate"
-            return "no autopilot heard" + why * (self._unread > MOST_UNREAD)
-        words = f"autopilot {listener.target[0]} {'heard' if listener.present(now) else 'silent'}"
+            return "no autopilot heard" + why
+        words = f"autopilot {listener.target[0]} "
+        words += "heard" if listener.present(now) else "silent" + why
         if listener.signs and self._options.sign_key is None:
             words += ", SIGNS ITS MESSAGES: give --sign-key"
         doubt = "TWO OF ONE NUMBER" if listener.twins else "SEVERAL VEHICLES: give --target"
