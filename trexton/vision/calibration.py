@@ -39,6 +39,13 @@ def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.
         if len(text) > MOST_CHARACTERS or sum(map(text.count, OPENING)) > MOST_OPENINGS:
             raise ValueError("too long or too deep for one")
         camera, distortion = _described(_yaml(text), camera_name)
+        if camera.width * camera.height > MOST_PIXELS or not np.isfinite(distortion).all():
+            raise ParameterError(
+                f"expected a picture of 1 to {MOST_PIXELS:,} pixels and finite numbers"
+            )
+        if distortion.any() and len(distortion) not in COEFFICIENTS:
+            taken = ", ".join(map(str, COEFFICIENTS[1:]))
+            raise ParameterError(f"{len(distortion)} distortion coefficients: OpenCV takes {taken}")
     except ParameterError as error:  # a calibration, but of no camera
         raise FlightError(f"{path}: {error}: correct it") from None
     except (
@@ -48,14 +55,6 @@ def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.
         raise FlightError(
             f"{path}: no calibration of OpenCV (YAML or JSON), ASL or Kalibr ({why}): correct it"
         ) from None
-    wrong = ""
-    if camera.width * camera.height > MOST_PIXELS or not np.isfinite(distortion).all():
-        wrong = f"expected a picture of 1 to {MOST_PIXELS:,} pixels and finite numbers"
-    elif distortion.any() and len(distortion) not in COEFFICIENTS:
-        taken = ", ".join(map(str, COEFFICIENTS[1:]))
-        wrong = f"{len(distortion)} distortion coefficients: OpenCV takes {taken}"
-    if wrong:
-        raise FlightError(f"{path}: {wrong}: correct it")
     return camera, distortion if distortion.any() else None
 
 

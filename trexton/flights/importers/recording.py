@@ -144,7 +144,6 @@ def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[Po
     before = np.clip(np.searchsorted(stamps, time_ns, "right") - 1, 0, None)
     after = np.clip(np.searchsorted(stamps, time_ns), None, len(stamps) - 1)
     step = stamps[after] - stamps[before]
-    share = np.clip((time_ns - stamps[before]) / np.maximum(step, 1), 0, 1)
     gap = step / NANO
     # On a stamp, or beyond the track's ends, where the nearest serves if it is near enough.
     single = (step == 0) & (np.abs(time_ns - stamps[before]) / NANO <= tolerance_s)
@@ -156,21 +155,13 @@ def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[Po
             f"{(time_ns[-1] - time_ns[0]) / NANO:.2f} s, positions {first:.2f} to {last:.2f} s: "
             "give the time offset of the positions, or a larger tolerance"
         )
-    position = _between(track.position[before], track.position[after], share)
-    position[~good] = np.nan
-    attitude = None
+    share = np.where(good, (time_ns - stamps[before]) / np.maximum(step, 1), np.nan)[:, None]
+    low, high, attitude = track.position[before], track.position[after], None
+    position = low + share * (high - low)
     if track.attitude is not None:
-        low = track.attitude[before]
-        attitude = _between(low, low + wrapped(track.attitude[after] - low), share)
-        attitude[~good] = np.nan
-        attitude = wrapped(attitude)
+        low, high = track.attitude[before], track.attitude[after]
+        attitude = wrapped(low + share * wrapped(high - low))
     return PoseTrack(time_ns, position, attitude), float(gap[good].max())
-
-
-def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
-    # Not low + share * (high - low): a NaN on the side that does not count must not spread.
-    mixed = np.where(share[:, None] > 0, share[:, None] * high, 0.0)
-    return np.where(share[:, None] < 1, (1 - share[:, None]) * low, 0.0) + mixed
 
 
 def nanoseconds(seconds: np.ndarray) -> np.ndarray:
