@@ -5,7 +5,7 @@
 import io
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.flights.importers.mocap import UNITS
-from trexton.flights.importers.recording import PoseTrack, local_metres, nanoseconds
+from trexton.flights.importers.recording import PoseTrack, local_metres, nanoseconds, reading
 
 # Messages of ArduPilot that hold a position, the best first, or an attitude, and their parts.
 _MESSAGES = {
@@ -42,18 +42,6 @@ def read_log(path: Path) -> PoseTrack | None:
     if track is None or not len(track.time_ns):
         raise FlightError(f"{path}: no position in it: is it a log, and was there a fix?")
     return track
-
-
-@contextmanager
-def _library(path: Path) -> Iterator[None]:
-    """Around what a library is asked for, and nothing else: our own faults keep their traceback."""
-    try:
-        with redirect_stdout(io.StringIO()):  # they print every byte of what they skip
-            yield
-    except ImportError as error:
-        raise FlightError(f"{path}: needs {error.name}: pip install {error.name}") from None
-    except Exception as error:  # whatever it raises of a damaged log
-        raise FlightError(f"{path}: not a readable log ({error}): copy it again") from None
 
 
 def _earthly(rows: np.ndarray, attitude: np.ndarray | None = None) -> PoseTrack | None:
@@ -91,7 +79,8 @@ def _subtitles(path: Path) -> PoseTrack | None:
 
 def _messages(path: Path) -> Iterator[tuple[str, list[float]]]:
     """Kind, seconds and values of each message of the first instance in a log of ArduPilot."""
-    with _library(path):
+    # It prints every byte that it skips.
+    with redirect_stdout(io.StringIO()), reading(path, "log", "copy it again"):
         from pymavlink.DFReader import DFReader_binary
 
         class Log(DFReader_binary):  # type: ignore[misc]
@@ -141,7 +130,7 @@ class _Finite(io.BufferedReader):
 
 
 def _px4(path: Path) -> PoseTrack | None:
-    with _library(path):
+    with redirect_stdout(io.StringIO()), reading(path, "log", "copy it again"):
         from pyulog import ULog
 
         log = ULog(_Finite(path), ["vehicle_local_position"])

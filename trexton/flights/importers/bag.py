@@ -22,7 +22,7 @@ from trexton.base.options import Options, option
 from trexton.base.pictures import MOST_PIXELS, damage, decode
 from trexton.flights.frames import Forward
 from trexton.flights.importers.axes import axes_option
-from trexton.flights.importers.recording import NANO, Recording
+from trexton.flights.importers.recording import NANO, Recording, reading
 from trexton.flights.importers.tracks import pose_track
 
 MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacked
@@ -104,21 +104,13 @@ class _Bag:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
-        try:
+        with reading(self.source, "bag", "record it again"):
             _bound_unpacking(self.source)
             _check_tables(self.source)
             reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
             _check_named_once(*reader.readers)
-        except Exception as error:  # whatever a damaged bag makes the reader raise
-            raise self._unreadable(error) from None
         return closing(reader)
-
-    def _unreadable(self, error: Exception) -> FlightError:
-        if isinstance(error, FlightError):
-            return error
-        said = (str(error).splitlines() or [type(error).__name__])[0]
-        return FlightError(f"{self.source}: not a readable bag ({said}): record it again")
 
     def topic(self, types: tuple[str, ...], wanted: str) -> str:
         fitting = [topic for topic, kind in self.topics.items() if kind in types]
@@ -132,15 +124,13 @@ class _Bag:
         """Stamps of the header and of the bag in nanoseconds, and message."""
         with self._open() as reader:
             chosen = [each for each in reader.connections if each.topic == topic]
-            try:
+            with reading(self.source, "bag", "record it again"):
                 for connection, recorded, data in reader.messages(chosen):
                     if len(data) > MOST_BYTES:
                         raise ValueError(f"a message has {len(data):,} bytes, over {MOST_BYTES:,}")
                     message = reader.deserialize(data, connection.msgtype)
                     stamp = message.header.stamp
                     yield int(stamp.sec) * NANO + int(stamp.nanosec), recorded, message
-            except Exception as error:  # whatever a damaged message raises
-                raise self._unreadable(error) from None
 
 
 def _bound_unpacking(source: Path) -> None:

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -162,6 +163,22 @@ def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[Po
         low, high = track.attitude[before], track.attitude[after]
         attitude = wrapped(low + share * wrapped(high - low))
     return PoseTrack(time_ns, position, attitude), float(gap[good].max())
+
+
+@contextmanager
+def reading(path: Path, kind: str, advice: str) -> Iterator[None]:
+    """Around what a library is asked for, and nothing else: our own faults keep their traceback. A
+    file that is no readable `kind` is refused by a `FlightError`, with the `advice`.
+    """
+    try:
+        yield
+    except FlightError:
+        raise
+    except ImportError as error:
+        raise FlightError(f"{path}: needs {error.name}: pip install {error.name}") from None
+    except Exception as error:  # whatever it raises of a damaged file
+        said = (str(error).splitlines() or [type(error).__name__])[0]
+        raise FlightError(f"{path}: not a readable {kind} ({said}): {advice}") from None
 
 
 def nanoseconds(seconds: np.ndarray) -> np.ndarray:
