@@ -67,14 +67,6 @@ def _described(content: Mapping[str, Any], camera_name: str) -> tuple[Camera, np
     if "cam0" in content or camera_name in content:  # Kalibr's, in the words of ASL
         content = content[camera_name]
         content = {"distortion_coefficients": content.get("distortion_coeffs", []), **content}
-    return _asl(content)
-
-
-def _matrix(node: Mapping[str, Any]) -> np.ndarray:
-    return np.array(node["data"], dtype=float).reshape(int(node["rows"]), int(node["cols"]))
-
-
-def _asl(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:
     width, height = (int(value) for value in content["resolution"])
     fx, fy, cx, cy = (float(value) for value in content["intrinsics"][-4:])
     pinhole = content.get("camera_model", "pinhole") == "pinhole"  # others distort otherwise
@@ -82,6 +74,10 @@ def _asl(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:
     given = content.get("distortion_coefficients", []) if radial else []
     distortion = np.array(given, dtype=float).ravel()
     return Camera(width, height, (fx + fy) / 2, (cx, cy)), distortion
+
+
+def _matrix(node: Mapping[str, Any]) -> np.ndarray:
+    return np.array(node["data"], dtype=float).reshape(int(node["rows"]), int(node["cols"]))
 
 
 def _yaml(text: str) -> Mapping[str, Any]:

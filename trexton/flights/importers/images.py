@@ -11,6 +11,7 @@ from trexton.base.errors import ImageError, ParameterError
 from trexton.base.progress import progress
 from trexton.flights.frames import Forward, ImageFiles
 from trexton.flights.importers.recording import Recording
+from trexton.vision.calibration import read_calibration
 from trexton.vision.camera import Rectification
 from trexton.vision.images import bgr_from_yuv, size_of
 
@@ -87,13 +88,11 @@ def _crop(text: str, size: tuple[int, int]) -> tuple[int, int, int, int]:
 
 def _calibration(path: Path, frames: ImageFiles | Forward, size: tuple[int, int]) -> dict[str, Any]:
     """Focal length, centre and distortion in a file of OpenCV, EuRoC or Kalibr."""
-    from trexton.vision.calibration import read_calibration
-
     # Of several cameras, that whose folder the images lie in.
     files = frames.files[:1] if isinstance(frames, ImageFiles) else ()
     parts = [part for file in files for part in file.parts if re.fullmatch(r"cam\d", part)]
     camera, distortion = read_calibration(path, parts[-1] if parts else "cam0")
-    if camera is None or distortion is None:
+    if distortion is None:
         raise ParameterError(f"{path}: no calibration with radial and tangential distortion")
     if (camera.width, camera.height) != size:
         whose = f"the calibration is for {camera.width}x{camera.height}"
