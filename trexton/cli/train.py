@@ -60,10 +60,14 @@ def run(arguments: argparse.Namespace) -> int:
     if options.update is not None:
         return _update(flight, options, choices, arguments.output)
     methods = [options.method] if options.method else _candidates(flight, choices)
+    choices = {"patch": options.patch, "cells": options.cells, **choices}
     tried = []
     for method in methods:
+        rng = stream(options.seed, "training")  # as experiments do: equal seeds give equal maps
+        frames = flight.select(flight.located) if method == "fine" else None
         try:
-            tried.append(_trained(flight, options, method, choices))
+            made = train_map(flight, method=method, n_textons=options.textons, rng=rng, **choices)
+            tried.append(_assessed(made, frames, options))
         except MapError as error:
             if method == methods[-1] and not tried:
                 raise
@@ -104,17 +108,6 @@ def _candidates(flight: Flight, choices: dict[str, Any]) -> list[str]:
             compose(method, choices)
             fit.append(method)
     return fit or ["paper"]
-
-
-def _trained(
-    flight: Flight, options: TrainOptions, method: str, choices: dict[str, Any]
-) -> tuple[TextonMap, Assessment | None]:
-    """A map, and what the method showed on left-out parts of the flight; None of a short one."""
-    rng = stream(options.seed, "training")  # as experiments do: equal seeds give equal maps
-    choices = {"patch": options.patch, "cells": options.cells, **choices}
-    texton_map = train_map(flight, method=method, n_textons=options.textons, rng=rng, **choices)
-    frames = flight.select(flight.located)
-    return _assessed(texton_map, frames if method == "fine" else None, options)
 
 
 def _assessed(

@@ -81,7 +81,6 @@ def import_flight(
     kind = kind or guess_kind(source)
     recording, flight, done, _ = _planned(source, kind, settings or {}, out.name)
     read = recording.frames.files if isinstance(recording.frames, ImageFiles) else ()
-    read += (source,) if source.is_file() else ()
     beside = source.resolve() in out.resolve().parents  # a flight may lie in its source's folder
     check_not_read(out, *read, *(() if beside else (source,)))
     with atomic_folder(out, replaced) as work:

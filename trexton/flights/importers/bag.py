@@ -22,7 +22,7 @@ from trexton.base.options import Options, option
 from trexton.base.pictures import MOST_PIXELS, damage, decode
 from trexton.flights.frames import Forward
 from trexton.flights.importers.axes import axes_option
-from trexton.flights.importers.recording import NANO, Recording, reading
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, reading
 from trexton.flights.importers.tracks import pose_track
 
 MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacked
@@ -80,9 +80,9 @@ def read(source: Path, settings: Settings) -> Recording:
     clock = int(any(not each.all() or 2 * len(np.unique(each)) < len(each) for each in stamps))
     if clock:
         said.append(f"{source}: headers without a stamp: messages are taken at the bag's own times")
-    lines = range(1, len(rows) + 1)
+    where, lines = f"{source}, {poses}", range(1, len(rows) + 1)
     track, taken = pose_track(
-        posed[:, clock], values[:, :3], values[:, 3:], settings.axes, f"{source}, {poses}", lines
+        PoseTrack(posed[:, clock], values[:, :3]), values[:, 3:], settings.axes, where, lines
     )
     decoded = partial(_decoded, f"{bag.source}: an image of {images}")
     frames = Forward(bag.source, np.arange(len(shot)), partial(bag.messages, images), decoded)

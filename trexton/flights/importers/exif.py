@@ -30,7 +30,6 @@ _ANGLES = (
     ("Flight{}Degree", AXES["frd"]),  # of the vehicle, where the camera's are not given
     ("Drone{}Degree", AXES["frd"]),
 )
-_NORTH_EAST_DOWN = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
 @dataclass(frozen=True)
@@ -117,7 +116,7 @@ def _attitude(values: dict[str, float]) -> tuple[float, float, float]:
         yaw, pitch, roll = (values.get(name.format(part)) for part in _PARTS)
         if yaw is not None and pitch is not None:
             turn = Rotation.from_euler("ZYX", (yaw, pitch, roll or 0.0), degrees=True)
-            turn = Rotation.from_matrix(_NORTH_EAST_DOWN) * turn
+            turn = Rotation.from_matrix(AXES["frd"]) * turn  # of north, east and down
             axes = axes if pitch > -45 or ":" not in name else _AHEAD  # as Autel counts
             attitude = attitude_from_quaternions(turn.as_quat(), axes)[0]
             return float(attitude[0]), float(attitude[1]), float(attitude[2])

@@ -15,7 +15,7 @@ from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import axes_option
 from trexton.flights.importers.recording import NANO, Recording, spread
-from trexton.flights.importers.tracks import TUM, TrackColumns, trajectory_names
+from trexton.flights.importers.tracks import TUM, TrackColumns, trajectory
 from trexton.flights.tables import TextTable, is_number, read_table
 from trexton.vision.calibration import read_calibration
 
@@ -99,10 +99,10 @@ class Tum:
         listed = _list(source, names)
         if listed is None:
             raise FlightError(f"{source}: none of {', '.join(names)}: name a list with --images")
-        table, path = _read_list(listed), source / settings.trajectory
-        poses = read_table(path, trajectory_names(path, settings.quaternion))
-        columns = replace(TUM, axes=settings.axes, time_unit=_unit(poses))
-        track, said = replace(columns, quaternion=settings.quaternion).of(poses)
+        table, turn = _read_list(listed), settings.quaternion
+        poses = trajectory(source / settings.trajectory, turn)
+        columns = replace(TUM, axes=settings.axes, time_unit=_unit(poses), quaternion=turn)
+        track, said = columns.of(poses)
         files = ImageFiles(tuple(source / name for name in table.texts("file")))
         stamps = table.nanoseconds("stamp", _unit(table))
         return Recording(stamps, track, files, source="TUM folder", said=said)

@@ -47,7 +47,7 @@ class TrackColumns(Options):
             stamps = self.stamps(table, said)
         names = (self.x, self.y, self.z)
         position = np.column_stack([metres(table, name, self.unit, said) for name in names])
-        where, lines = str(table.path), table.rows
+        track, where, lines = PoseTrack(stamps, position), str(table.path), table.rows
         if parts := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
             if sorted(name[-1].lower() for name in parts) == list("wxyz") and "-" not in parts[1]:
                 parts.sort(key=lambda name: "xyzw".index(name[-1].lower()))  # as they are called
@@ -56,9 +56,8 @@ class TrackColumns(Options):
             turns = np.column_stack([_column(table, name) for name in parts])
             if len(parts) == 9:
                 turns = _quaternions(turns)
-            track, more = pose_track(stamps, position, turns, self.axes, where, lines)
+            track, more = pose_track(track, turns, self.axes, where, lines)
             return track, said + more
-        attitude = None
         if self.yaw:
             yaw = _column(table, self.yaw)
             largest = float(np.nanmax(np.abs(yaw), initial=0))
@@ -72,8 +71,8 @@ class TrackColumns(Options):
             if re.match(r"(?i)heading|course|azimuth|compass", self.yaw):
                 said.append(f"{found} taken as anticlockwise: of a compass? put - before its name")
             yaw = np.radians(yaw) if degrees else yaw
-            attitude = np.column_stack([np.zeros((len(yaw), 2)), yaw])
-        track, order = PoseTrack(stamps, position, attitude).ordered(where, lines)
+            track = replace(track, attitude=np.column_stack([np.zeros((len(yaw), 2)), yaw]))
+        track, order = track.ordered(where, lines)
         return track, said + order
 
     def stamps(self, table: TextTable, said: list[str]) -> np.ndarray:
@@ -115,28 +114,23 @@ TUM = TrackColumns("stamp", "x", "y", "z", quaternion="qx,qy,qz,qw")
 
 
 def pose_track(
-    stamps: np.ndarray,
-    position: np.ndarray,
-    turns: np.ndarray,
-    axes: str,
-    where: str,
-    lines: Sequence[int],
+    track: PoseTrack, turns: np.ndarray, axes: str, where: str, lines: Sequence[int]
 ) -> tuple[PoseTrack, list[str]]:
-    """The track of poses with quaternions, in order of its stamps, and what to know of it.
+    """The track with the attitudes of its quaternions, in order of its stamps, and what to know.
 
     Rows whose quaternion is zero, as motion capture writes them that has lost its body, are
     dropped; where all are, only the attitude is not known.
     """
-    lost, said = ~turns.any(axis=1), []
+    lost, said = np.logical_not(turns.any(axis=1)), []
     if lost.all():
-        return PoseTrack(stamps, position).ordered(where, lines)
+        return track.ordered(where, lines)
     if lost.any():
         first = lines[int(lost.argmax())]
         said = [f"{where}: {lost.sum()} rows without an attitude, left out (first: row {first})"]
-        stamps, position, turns = stamps[~lost], position[~lost], turns[~lost]
+        track, turns = track.rows(~lost), turns[~lost]
         lines = [lines[row] for row in np.flatnonzero(~lost).tolist()]
     attitude, taken = camera_attitude(turns, axes)
-    track, order = PoseTrack(stamps, position, attitude).ordered(where, lines)
+    track, order = replace(track, attitude=attitude).ordered(where, lines)
     return track, said + order + taken
 
 
@@ -166,14 +160,14 @@ def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]
     if len(fields) in (8, 9) and all(map(is_number, fields)):  # as TUM writes it, with blanks
         turn = columns.quaternion or TUM.quaternion
         columns = replace(columns, time="stamp", z="z", quaternion=turn)
-        return columns.of(read_table(path, trajectory_names(path, turn)))
+        return columns.of(trajectory(path, turn))
     return columns.of(read_table(path))
 
 
-def trajectory_names(path: Path, quaternion: str) -> list[str]:
-    """The columns of a trajectory as TUM writes it, or UZH-FPV, which numbers its rows."""
+def trajectory(path: Path, quaternion: str) -> TextTable:
+    """A trajectory as TUM writes it, or UZH-FPV, which numbers its rows."""
     numbered = ["id"] if len(_first_fields(path)) == 9 else []
-    return [*numbered, "stamp", "x", "y", "z", *quaternion.split(",")]
+    return read_table(path, [*numbered, "stamp", "x", "y", "z", *quaternion.split(",")])
 
 
 def _first_fields(path: Path) -> list[str]:
