@@ -8,6 +8,7 @@ import numpy as np
 from trexton.base.files import atomic_file, check_not_read
 from trexton.base.progress import say
 from trexton.flights.flight import Flight
+from trexton.flights.folder import read_flight
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,8 +18,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.flights.folder import read_flight
-
     check_not_read(arguments.out, arguments.flight)
     flight = read_flight(arguments.flight)
     path = write_tum(flight, Path(arguments.out))

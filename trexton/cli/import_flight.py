@@ -6,7 +6,10 @@ from typing import Any
 from trexton.base.arguments import add_option
 from trexton.base.errors import ParameterError
 from trexton.base.options import Option
+from trexton.base.plugins import addresses
 from trexton.base.progress import say
+from trexton.flights.importers import IMPORTERS, importer
+from trexton.flights.importing import Common, import_flight, preview_import
 
 PLACE = "setting."  # what the attributes of settings begin with
 
@@ -24,10 +27,6 @@ def _let_words_follow_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.base.plugins import addresses
-    from trexton.flights.importers import IMPORTERS, importer
-    from trexton.flights.importing import Common
-
     kinds = f"{', '.join(IMPORTERS)} (guessed unless given), and file or folder"
     parser.add_argument("what", nargs="+", metavar="[KIND] SOURCE", help=kinds)
     _let_words_follow_options(parser)
@@ -54,8 +53,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.flights.importing import import_flight, preview_import
-
     *kind, source = arguments.what
     if len(kind) > 1:
         raise ParameterError(f"{' '.join(arguments.what)}: expected a source, or kind and source")

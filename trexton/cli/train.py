@@ -10,14 +10,17 @@ import numpy as np
 from trexton.base.arguments import add_assignments, add_options, chosen_options
 from trexton.base.defaults import PATCH, TEXTONS, USUAL_CELLS
 from trexton.base.errors import MapError, ParameterError
+from trexton.base.files import check_not_read, check_writable
 from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.base.streams import stream
 from trexton.evaluation.held_out import LEAST_COVERAGE, Assessment, assess
 from trexton.flights.flight import Flight
+from trexton.flights.folder import read_flight
 from trexton.flights.plausibility import warnings
-from trexton.localization.map_files import save_map
+from trexton.localization.map_files import load_map, save_map
 from trexton.localization.methods import compose, parse_choices
+from trexton.localization.renewal import renewed
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import train_map
 
@@ -47,9 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.base.files import check_not_read, check_writable
-    from trexton.flights.folder import read_flight
-
     options = chosen_options(arguments, TrainOptions)
     check_not_read(arguments.output, arguments.flight)
     check_writable(arguments.output)
@@ -84,9 +84,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _update(flight: Flight, options: TrainOptions, choices: dict[str, Any], output: str) -> int:
     """Renew a map; its own textons, method and parts stay."""
-    from trexton.localization.map_files import load_map
-    from trexton.localization.renewal import renewed
-
     if choices or options != TrainOptions(update=options.update, seed=options.seed):
         raise ParameterError("--update renews a map as it is: leave other options out, but --seed")
     old = load_map(str(options.update))
