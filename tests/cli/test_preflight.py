@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -27,11 +26,8 @@ from trexton.flights.writing import write_flight
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 from trexton.onboard.settings import Flying, Landing, MapPlacement, Settings
-from trexton.onboard.sources import Playback, recorded, video
 from trexton.simulator.recording import record_flight
 from trexton.simulator.sensor import Effects
-
-LOADED = recorded, video  # threads that import one module at once may see half of it
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +43,19 @@ def place(tmp_path_factory):
 def checked(place, **options) -> dict[str, bool]:
     settings = Settings(place[0], (), (), {Flying: Flying(camera=place[1]), **options})
     return {check.name: check.holds for check in preflight(settings, 1.0)}
+
+
+@pytest.fixture
+def every_frame(monkeypatch):
+    """Flights are played frame by frame: at their own pace a busy computer drops most of them."""
+
+    def build(settings):
+        onboard = built(settings)
+        onboard.source.live = False
+        return onboard
+
+    built = module.build
+    monkeypatch.setattr(module, "build", build)
 
 
 def spoilt(place, tmp_path, change) -> tuple[str, str]:
@@ -90,30 +99,23 @@ ASKEW_DEG = (0.0, 4.0)
 
 
 @pytest.fixture(scope="module")
-def mounts(tmp_path_factory):
-    """What is said of the attitude by how askew the camera is mounted, all at once."""
+def flight_and_map(tmp_path_factory):
+    """A flight, and the file of a map for method fine that it was trained on."""
     folder = tmp_path_factory.mktemp("mounts")
     flight = record_flight(
         folder / "flight", frames=60, speed=1.0, camera=CAMERA, floor=colourful_floor()
     )
     texton_map = train_map(flight, method="fine", n_textons=6, rng=np.random.default_rng(1))
-    file = str(save_map(texton_map, folder / "fine.npz"))
-
-    def told(degrees):
-        askew = replace(flight, attitude=flight.attitude + np.radians([0.0, degrees, 0.0]))
-        camera = str(write_flight(askew, folder / f"{degrees} degrees"))
-        # It ends before; over and over, for a busy computer drops most frames of the first lap.
-        options = {Flying: Flying(camera=camera), Playback: Playback(laps=3)}
-        found = preflight(Settings(file, (), (), options), 60.0)
-        return [check.words for check in found if check.name == "attitude"]
-
-    with ThreadPoolExecutor(len(ASKEW_DEG)) as pool:
-        return dict(zip(ASKEW_DEG, pool.map(told, ASKEW_DEG), strict=True))
+    return flight, str(save_map(texton_map, folder / "fine.npz"))
 
 
 @pytest.mark.parametrize("degrees", ASKEW_DEG)
-def test_a_camera_that_looks_askew_is_told(mounts, degrees):
-    told = mounts[degrees]
+def test_a_camera_that_looks_askew_is_told(flight_and_map, degrees, tmp_path, every_frame):
+    flight, file = flight_and_map
+    askew = replace(flight, attitude=flight.attitude + np.radians([0.0, degrees, 0.0]))
+    camera = str(write_flight(askew, tmp_path / "askew"))
+    found = preflight(Settings(file, (), (), {Flying: Flying(camera=camera)}), 60.0)
+    told = [check.words for check in found if check.name == "attitude"]
     assert len(told) == (degrees > 0) and all("camera's mount" in words for words in told)
 
 
@@ -129,32 +131,23 @@ DELAYS = [
 
 
 @pytest.fixture(scope="module")
-def delays(place, tmp_path_factory):
-    """The check of each, all at once: they play a flight that turns, at its own pace."""
-    folder = tmp_path_factory.mktemp("delays")
-    flight = record_flight(
-        folder / "flight", pattern="waypoints", frames=75, camera=CAMERA,
-        floor=colourful_floor(), effects=Effects(yaw=0.3),
+def turning(tmp_path_factory):
+    """A flight that turns."""
+    return record_flight(
+        tmp_path_factory.mktemp("delays") / "flight", pattern="waypoints", frames=75,
+        camera=CAMERA, floor=colourful_floor(), effects=Effects(yaw=0.3),
     )  # fmt: skip
-
-    def checked(late, given):
-        yaw = flight.attitude[:, 2]
-        yaw = -yaw if late is None else np.interp(flight.time + late, flight.time, yaw)
-        attitude = np.column_stack([flight.attitude[:, :2], yaw])
-        camera = folder / f"{late} {given}"
-        write_flight(replace(flight, attitude=attitude), camera)
-        flying = Flying(camera=str(camera), camera_delay=given)
-        found = preflight(Settings(place[0], (), (), {Flying: flying}), 7.0)
-        return {check.name: check for check in found}["delay"]
-
-    with ThreadPoolExecutor(len(DELAYS)) as pool:
-        late, given, _ = zip(*DELAYS, strict=True)
-        return dict(zip(DELAYS, pool.map(checked, late, given), strict=True))
 
 
 @pytest.mark.parametrize(("late", "given", "words"), DELAYS)
-def test_a_camera_that_is_late_is_told(delays, late, given, words):
-    found = delays[late, given, words]
+def test_a_camera_that_is_late_is_told(place, turning, late, given, words, tmp_path, every_frame):
+    yaw = turning.attitude[:, 2]
+    yaw = -yaw if late is None else np.interp(turning.time + late, turning.time, yaw)
+    attitude = np.column_stack([turning.attitude[:, :2], yaw])
+    camera = write_flight(replace(turning, attitude=attitude), tmp_path / "late")
+    flying = Flying(camera=str(camera), camera_delay=given)
+    checks = preflight(Settings(place[0], (), (), {Flying: flying}), 60.0)
+    found = {check.name: check for check in checks}["delay"]
     assert found.holds == (late == given) and words in found.words
 
 
