@@ -122,4 +122,5 @@ def test_a_stream_that_is_decoded_too_slowly_costs_frames_and_not_age(monkeypatc
     seen = [grabber.next(10) for _ in range(12)]
     grabber.close()
     off = [frame.time - frame.picture.max() for frame in seen]  # the stamp, less the true moment
-    assert max(off) < 0.1 and tally["dropped"] > 50
+    late = 12 * 7 / 60  # by which the twelfth of all frames would come
+    assert max(off) < late / 2 and tally["dropped"] > 50
