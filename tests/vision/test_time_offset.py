@@ -130,7 +130,7 @@ def test_frames_of_any_size_are_looked_at():
 def flight(tmp_path_factory) -> Flight:
     """One that turns."""
     return record_flight(
-        tmp_path_factory.mktemp("turning") / "flight", frames=160, camera=Camera(160, 120, 130.0),
+        tmp_path_factory.mktemp("turning") / "flight", frames=100, camera=Camera(160, 120, 130.0),
         pattern="waypoints", effects=Effects(yaw=0.2),
     )  # fmt: skip
 
@@ -139,7 +139,7 @@ def flight(tmp_path_factory) -> Flight:
 def test_a_yaw_that_never_changes_while_the_pictures_turn_is_named(tmp_path, turned, named):
     """As of a column that nobody filled; a vehicle may also hold its heading."""
     flown = record_flight(
-        tmp_path / "flight", frames=100, camera=Camera(160, 120, 130.0), pattern="waypoints",
+        tmp_path / "flight", frames=60, camera=Camera(160, 120, 130.0), pattern="waypoints",
         effects=Effects(yaw=turned),
     )  # fmt: skip
     held = flown.attitude * (1, 1, 0) + (0, 0, 1.5)
