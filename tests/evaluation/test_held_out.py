@@ -11,6 +11,7 @@ from small_room import histogram_flight
 from trexton.base.errors import MapError
 from trexton.cli import train
 from trexton.cli.main import main
+from trexton.evaluation import held_out
 from trexton.evaluation.held_out import (
     STRETCH_S,
     WARM_S,
@@ -74,7 +75,11 @@ class Named:
 
 
 class TestTrain:
-    """What is trained for flying unless a method is named."""
+    """What is trained for flying unless a method is named; judged by four stretches, not eight."""
+
+    @pytest.fixture(autouse=True)
+    def four_stretches(self, monkeypatch):
+        monkeypatch.setattr(held_out, "MOST_STRETCHES", 4)
 
     def trained(self, folder, tmp_path, *words):
         assert main(["train", str(folder), "-o", str(tmp_path / "map.npz"), *words]) == 0
@@ -100,8 +105,8 @@ class TestTrain:
 
     def test_images_and_a_camera_are_trained_for_what_errs_less(self, tmp_path, capsys):
         room = {"camera": CAMERA, "floor": narrow_floor()}
-        record_flight(tmp_path / "room", frames=80, every=2, **room)
-        made = self.trained(tmp_path / "room", tmp_path)
+        record_flight(tmp_path / "room", frames=90, every=2, **room)
+        made = self.trained(tmp_path / "room", tmp_path, "--textons", "8")
         said = capsys.readouterr().err
         other = {"field": "fine", "fine": "field"}[made.method]
         assert f"({other} " in said and made.provenance["assessment"]["frames"] > 50
