@@ -10,6 +10,7 @@ import pytest
 
 from trexton.companion.build import notebook
 from trexton.companion.experiments import fine
+from trexton.companion.experiments.floors import painted_floor
 from trexton.companion.experiments.rates import wilson_interval
 from trexton.simulator.recording import record_flight
 from trexton.simulator.simulator import Simulator
@@ -26,6 +27,8 @@ def record(tmp_path_factory):
         # Stitching has tests of its own, and a camera of fewer pixels is as good.
         camera = Camera(320, 240, 260.0)
         patch.setattr(fine, "Simulator", partial(Simulator, camera=camera))
+        # A floor that other tests paint too.
+        patch.setattr(fine, "painted_floor", lambda number, seed: painted_floor(number, 4002))
         patch.setattr(fine, "stitched_map", lambda train: SimpleNamespace(map=train.floor))
         parameters = fine.Parameters(floors=1, frames=50, training=50, kidnappings=1)
         return fine.run(flight, flight, parameters)

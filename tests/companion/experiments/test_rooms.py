@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from onboard_tools import CAMERA, colourful_floor, narrow_floor
 from trexton.base.errors import ParameterError
 from trexton.companion.experiments import rooms
 from trexton.companion.wording import distance
+from trexton.localization.localizer import Localizer
+from trexton.localization.training import train_map
 from trexton.simulator.recording import record_flight
 
 
@@ -23,7 +26,10 @@ def flight(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def record(flight):
-    return rooms.run(flight, flight, rooms.Parameters(survey=100, frames=10))
+    with pytest.MonkeyPatch.context() as patch:  # fewer textons, and patches of a frame
+        patch.setattr(rooms, "train_map", partial(train_map, n_textons=8))
+        patch.setattr(rooms, "Localizer", partial(Localizer, samples=100))
+        return rooms.run(flight, flight, rooms.Parameters(survey=100, frames=10))
 
 
 def test_every_change_is_flown_by_every_method(record):
