@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -26,6 +27,8 @@ from trexton.companion.experiments.virtual_flights import (
     measured_cm,
     predictions,
 )
+from trexton.localization.localizer import Localizer
+from trexton.localization.training import train_map
 from trexton.simulator.floor import Floor
 from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera
@@ -37,13 +40,15 @@ LATER, MEASURED = 2, 1
 
 @pytest.fixture(scope="module", autouse=True)
 def small_flights():
-    """A sixteenth of the pixels, and few flights after each survey."""
+    """A sixteenth of the pixels, few textons and patches, and few flights after each survey."""
 
     def smaller(*arguments, camera, **more):
         return record_flight(*arguments, camera=Camera(160, 120, 130.0), **more)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(virtual_flights, "record_flight", smaller)
+        patch.setattr(virtual_flights, "train_map", partial(train_map, n_textons=8))
+        patch.setattr(virtual_flights, "Localizer", partial(Localizer, samples=200))
         patch.setattr(virtual_flights, "LATER", LATER)
         patch.setattr(virtual_flights, "MEASURED", MEASURED)
         yield
@@ -65,8 +70,21 @@ def floor(picture):
 
 
 @pytest.fixture(scope="module")
-def judged(floor):
-    return judge_floor(floor, flights=SMALL)
+def predicted(floor):
+    """A first number, and the floor as it is judged."""
+    return tuple(predictions(floor, flights=SMALL))
+
+
+@pytest.fixture(scope="module")
+def judged(predicted):
+    return predicted[1]
+
+
+@pytest.fixture(scope="module")
+def tiny(picture):
+    """A floor that is judged within a second, and how."""
+    given = Floor.from_file(picture, 1.0), VirtualFlights(frames=25, test_frames=20)
+    return *given, judge_floor(given[0], flights=given[1])
 
 
 @pytest.fixture(scope="module")
@@ -103,11 +121,15 @@ def test_hard_places_are_those_worse_than_the_mean(picture, tmp_path):
     assert line.levels == [pytest.approx(100 * mean)]
 
 
-def test_a_first_number_is_of_the_same_size(floor, judged):
-    first, whole = predictions(floor, flights=SMALL)
+def test_a_first_number_is_of_the_same_size(predicted):
+    first, judged = predicted
     assert judged["predicted_cm"] / 4 < first < 4 * judged["predicted_cm"]
-    # Both are what they are by themselves, though their flights are drawn beside one another.
-    assert first == first_prediction(floor, flights=SMALL)
+
+
+def test_both_are_what_they_are_by_themselves_though_drawn_beside_one_another(tiny):
+    floor, flights, judged = tiny
+    first, whole = predictions(floor, flights=flights)
+    assert first == first_prediction(floor, flights=flights)
     assert whole["predicted_cm"] == judged["predicted_cm"]
 
 
@@ -121,9 +143,9 @@ def test_later_halves_of_flights_stand_for_what_would_follow():
     np.testing.assert_array_equal(there[[0, 6, 7, 15]], places[[0, 2, 3, 7]])
 
 
-def test_equal_seeds_judge_equally(picture):
-    flights = VirtualFlights(frames=25, test_frames=20)
-    first, again = (judge_floor(Floor.from_file(picture, 1.0), flights=flights) for _ in range(2))
+def test_equal_seeds_judge_equally(tiny, picture):
+    _, flights, first = tiny
+    again = judge_floor(Floor.from_file(picture, 1.0), flights=flights)
     assert first["predicted_cm"] == again["predicted_cm"]
     np.testing.assert_array_equal(first["heat"]["error_m"], again["heat"]["error_m"])
 
@@ -193,7 +215,7 @@ def test_a_kept_sweep_reads_as_the_run_does():
 
 def test_floors_are_predicted_and_flown(picture):
     floors = f"{picture}@1.5 {picture}@1"
-    given = suitability.Parameters(floors=floors, frames=25, test_frames=40)
+    given = suitability.Parameters(floors=floors, frames=25, test_frames=20)
     flight = small_flight()
     record = suitability.run(flight, flight, given)
     rows = record.values["floors"]
