@@ -85,14 +85,14 @@ def test_between_two_lanes_the_parts_know_where_a_frame_is(rng):
     places = np.column_stack([along, np.full(40, 0.75)])  # half way between two of them
     later = shown(places, rng)
 
-    def off(given: Training) -> tuple[float, float]:
-        field = Field().fit(given)
+    def off(field: Field) -> tuple[float, float]:
         best = [field.centers[field.log_posterior(observed(each)).argmax()] for each in later]
         away = np.hypot(*(np.array(best) - places).T)
         return float(away.mean()), float(field.predicted_error(places).mean())
 
-    assert len(Field().fit(survey).offsets) == 4
-    (tiled, predicted), (whole, spread) = off(survey), off(replace(survey, cells=1))
+    quarters, undivided = Field().fit(survey), Field().fit(replace(survey, cells=1))
+    assert len(quarters.offsets) == 4
+    (tiled, predicted), (whole, spread) = off(quarters), off(undivided)
     assert tiled < 0.1 < whole and predicted < spread
 
 
@@ -132,7 +132,7 @@ def turned(flight: Flight, folder: Path, rng: np.random.Generator) -> Flight:
     return replace(flight, frames=ImageFiles(tuple(files)))
 
 
-@pytest.mark.parametrize("frames", [120, 160, 300])
+@pytest.mark.parametrize("frames", [120, 300])
 def test_method_field_takes_quarters_of_images_unless_the_heading_was_not_held(
     tmp_path, rng, frames, capsys
 ):
@@ -147,11 +147,20 @@ def test_method_field_takes_quarters_of_images_unless_the_heading_was_not_held(
     np.testing.assert_allclose(maps[0].parts["measurement"].offsets, middles, atol=0.05)
 
 
-def test_a_map_for_another_method_is_counted_anew_if_its_flight_is_given(tmp_path, rng):
-    flight = picture_flight(tmp_path, "flight", frames=160, turns=6)
+@pytest.fixture(scope="module")
+def counted_anew(tmp_path_factory):
+    """A flight, a map of it for the paper's method, and that map for method field."""
+    flight, rng = (
+        picture_flight(tmp_path_factory.mktemp("anew"), "flight", 160, 6),
+        np.random.default_rng(1),
+    )
     base = train_map(flight, n_textons=6, neighbors=2, rng=rng)
+    return flight, base, for_method(base, "field", flight=flight, rng=rng)
+
+
+def test_a_map_for_another_method_is_counted_anew_if_its_flight_is_given(counted_anew, rng):
+    flight, base, field = counted_anew
     assert base.cells == for_method(base, "field", rng=rng).cells == 1
-    field = for_method(base, "field", flight=flight, rng=rng)
     assert field.cells == 2
     back = for_method(field, "paper", flight=flight, rng=rng)
     np.testing.assert_array_equal(back.histograms, base.histograms)
@@ -159,10 +168,8 @@ def test_a_map_for_another_method_is_counted_anew_if_its_flight_is_given(tmp_pat
         for_method(base, "field", flight=flight.select(slice(0, 3)), rng=rng)
 
 
-def test_the_papers_method_takes_whole_images_also_on_a_map_of_quarters(tmp_path, rng):
-    flight = picture_flight(tmp_path, "flight", frames=160, turns=6)
-    base = train_map(flight, n_textons=6, neighbors=2, rng=rng)
-    field = for_method(base, "field", flight=flight, rng=rng)
+def test_the_papers_method_takes_whole_images_also_on_a_map_of_quarters(counted_anew, rng):
+    _, base, field = counted_anew
     paper = Localizer(field, samples=50, method="paper", rng=rng).map
     assert (paper.cells, paper.method) == (1, "paper")
     np.testing.assert_allclose(paper.histograms, base.histograms, atol=1e-12)
