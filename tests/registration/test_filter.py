@@ -47,9 +47,16 @@ def flown(texton_map: TextonMap, flight, **options):
     return estimates
 
 
-def test_the_map_flies_as_it_was_trained_and_as_it_was_read_back(fine, flights, tmp_path):
+@pytest.fixture(scope="module")
+def estimates(fine, flights):
+    """Of every frame of the later flight."""
+    return flown(fine, flights[1])
+
+
+def test_the_map_flies_as_it_was_trained_and_as_it_was_read_back(
+    fine, flights, estimates, tmp_path
+):
     test = flights[1]
-    estimates = flown(fine, test)
     error = np.hypot(*(np.array([each.position for each in estimates]) - test.position).T)
     assert error[5:].max() < 0.04 and error[5:].mean() < 0.015
     assert not any(each.lost for each in estimates[5:])
@@ -59,11 +66,11 @@ def test_the_map_flies_as_it_was_trained_and_as_it_was_read_back(fine, flights, 
     assert all((a.position == b.position).all() for a, b in zip(estimates, again, strict=True))
 
 
-def test_regions_hold_about_what_they_claim(fine, flights):
+def test_regions_hold_about_what_they_claim(flights, estimates):
     test = flights[1]
     distances = [
         (error := each.position - place) @ np.linalg.solve(each.covariance, error)
-        for each, place in zip(flown(fine, test)[5:], test.position[5:], strict=True)
+        for each, place in zip(estimates[5:], test.position[5:], strict=True)
     ]
     assert 0.6 < np.mean(np.array(distances) < 4.605) <= 1
     assert 0.1 < np.mean(distances) / 2 < 3
