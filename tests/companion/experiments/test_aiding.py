@@ -12,7 +12,7 @@ from trexton.base.errors import ParameterError
 from trexton.companion.experiments import aiding
 from trexton.companion.experiments.floors import mean_over_floors
 
-CHOSEN = {"survey": 60, "frames": 24, "textons": 6, "samples": 100}
+CHOSEN = {"survey": 40, "frames": 20, "textons": 6, "samples": 100}
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_the_record_compares_all_with_the_frame_alone(record):
             saved = errors["nothing"]["value"] - errors[known]["value"]
             assert gain["value"] == pytest.approx(saved)
             assert gain["low"] <= gain["value"] <= gain["high"]
-    assert values["frames"] == 24 and values["floors"] == 1
+    assert values["frames"] == 20 and values["floors"] == 1
     assert set(values["held"]) == {"velocity", "turned"}
     assert all(0 <= share["value"] <= 1 for share in values["held"].values())
 

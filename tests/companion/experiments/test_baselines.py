@@ -45,7 +45,7 @@ def test_the_filter_follows_a_constant_velocity_without_lag():
 
 
 def test_the_verdict_names_the_better_and_both_directions():
-    train, test = histogram_flight("hall", frames=80), histogram_flight("hall", frames=40, noise=2)
+    train, test = histogram_flight("hall", frames=50), histogram_flight("hall", frames=30, noise=2)
     record = baselines.run(train, test, baselines.Parameters(repeats=1, trees=5))
     said = baselines.finding(record)
     values = record.values
