@@ -39,7 +39,7 @@ def surveyed(tmp_path_factory):
         tmp_path_factory.mktemp("appearance") / "survey",
         pattern="survey", frames=280, seed=1, floor=floor, every=2, camera=CAMERA,
     )  # fmt: skip
-    return floor, train_map(flight, method="field", rng=np.random.default_rng(0))
+    return floor, train_map(flight, method="field", n_textons=12, rng=np.random.default_rng(0))
 
 
 AS_SURVEYED = Light()
@@ -47,7 +47,7 @@ AS_SURVEYED = Light()
 
 def flown(
     surveyed, light=AS_SURVEYED, heading=0.0, frames=70, rate=0.0, yaw_known=False, turned=None,
-    **choices,
+    samples=200, **choices,
 ):  # fmt: skip
     """Errors in metres, whether lost, and the filter of the appearance; the velocity is given if it
     is `turned` by so many radians.
@@ -57,7 +57,8 @@ def flown(
     plan = Plan(random_waypoints(floor.area, ways))
     simulator = Turned(floor, camera=CAMERA, light=light, start=plan.start, speed=0.6, rng=rng)
     simulator.heading = heading
-    localizer = Localizer(with_choices(texton_map, choices), rng=np.random.default_rng(1))
+    chosen = with_choices(texton_map, choices)
+    localizer = Localizer(chosen, samples=samples, rng=np.random.default_rng(1))
     errors, lost = [], []
     for _ in range(frames):
         before = simulator.state.position[:2]
@@ -76,10 +77,10 @@ def flown(
 
 
 def test_another_light_costs_little(surveyed):
-    as_surveyed, _, _ = flown(surveyed)
+    as_surveyed, _, _ = flown(surveyed, frames=60)
     light = Light(gain=0.8, warmth=0.05)
-    blind, _, off = flown(surveyed, light, appearance="none")
-    errors, lost, appearance = flown(surveyed, light)
+    blind, _, off = flown(surveyed, light, frames=60, appearance="none")
+    errors, lost, appearance = flown(surveyed, light, frames=60)
     assert off is None
     assert np.median(errors[10:]) < 1.5 * np.median(as_surveyed[10:]) < np.median(blind[10:])
     assert np.exp(appearance.mean[0]) == pytest.approx(0.8, abs=0.1)
@@ -96,7 +97,7 @@ def test_any_heading_at_the_start_is_noticed(surveyed):
 
 
 def test_a_given_yaw_is_used_while_the_vehicle_turns(surveyed):
-    turning = {"rate": np.radians(120) / 140}
+    turning = {"rate": np.radians(120) / 140, "frames": 50}
     blind, _, _ = flown(surveyed, **turning, appearance="none")
     errors, lost, _ = flown(surveyed, **turning, yaw_known=True)
     assert 1.5 * np.median(errors[10:]) < np.median(blind[10:])
@@ -130,7 +131,7 @@ def test_a_turn_is_followed_without_a_yaw(surveyed):
 
 def test_frames_of_another_floor_are_not_silently_wrong(surveyed, tmp_path):
     _, texton_map = surveyed
-    errors, lost, _ = flown((Floor.painted(), texton_map))
+    errors, lost, _ = flown((Floor.painted(), texton_map), frames=40)
     assert ((errors > 0.3) & ~lost).mean() <= 0.05
 
 
@@ -146,16 +147,16 @@ def alike(tmp_path_factory):
 
 
 def test_a_given_velocity_does_not_stop_frames_from_being_weighed_together(alike):
-    alone, lost_alone, _ = flown(alike, frames=100)
-    errors, lost, _ = flown(alike, frames=100, turned=0.0)
+    alone, lost_alone, _ = flown(alike, samples=400)
+    errors, lost, _ = flown(alike, samples=400, turned=0.0)
     assert lost.sum() <= lost_alone.sum() + 2 < 50
     assert errors.mean() < 1.1 * alone.mean()
 
 
-@pytest.mark.parametrize("turned", [20, 180])
-def test_a_turned_velocity_is_not_silently_wrong(alike, turned):
+@pytest.mark.parametrize(("turned", "frames"), [(20, 100), (180, 60)])
+def test_a_turned_velocity_is_not_silently_wrong(alike, turned, frames):
     """Frames show what the compass makes wrong, and move what they say together."""
-    errors, lost, _ = flown(alike, frames=100, turned=np.radians(turned))
+    errors, lost, _ = flown(alike, samples=400, frames=frames, turned=np.radians(turned))
     assert not ((errors > 0.5) & ~lost).any()  # as it would be at another place
     assert ((errors > 0.3) & ~lost).mean() <= 0.06  # drawn along, until they do
 
