@@ -172,10 +172,8 @@ def reading(path: Path, kind: str, advice: str) -> Iterator[None]:
     """
     try:
         yield
-    except FlightError:
+    except (FlightError, ImportError):  # the command line says which extra is missing
         raise
-    except ImportError as error:
-        raise FlightError(f"{path}: needs {error.name}: pip install {error.name}") from None
     except Exception as error:  # whatever it raises of a damaged file
         said = (str(error).splitlines() or [type(error).__name__])[0]
         raise FlightError(f"{path}: not a readable {kind} ({said}): {advice}") from None
