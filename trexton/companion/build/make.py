@@ -2,7 +2,6 @@
 
 import errno
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -19,11 +18,11 @@ from trexton.base.progress import say
 from trexton.companion.build.display import Display, Outcome
 from trexton.companion.build.engine import Entries, Fact, Step, build, labelled
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.notebooks import inputs_of, outputs_of
+from trexton.companion.build.notebooks import inputs_of
 from trexton.companion.build.plan import run_experiments, sole_writer
 from trexton.companion.build.postprocessing import finish_book
 from trexton.companion.build.prose import findings, records_by_name, renewed_readme
-from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
+from trexton.companion.build.sources import Contents, lead_from_old_addresses, put_outputs, stage
 from trexton.flights.folder import read_flight
 from trexton.flights.registry import fetch, registry
 
@@ -139,7 +138,7 @@ def _build(contents: Contents, html: Path) -> str:
             return f"book: reused, none of its pages changed ({html / 'index.html'})"
         stamp.unlink(missing_ok=True)
         built = _jupyter_book(source, work)
-        _put_beside(contents, built)
+        put_outputs(contents, built)
         finish_book(built)
         lead_from_old_addresses(contents, built)
         put_in_place(built, html)
@@ -171,15 +170,6 @@ def _jupyter_book(source: Path, work: Path) -> Path:
             + "\n".join(line.replace(f"{source}/", "") for line in lines)
         )
     return built
-
-
-def _put_beside(contents: Contents, built: Path) -> None:
-    """Downloads beside the pages that offer them: what the run left."""
-    for flight in ["", *(pair.name for pair in contents.pairs)]:
-        for name in contents.good(flight):
-            (built / flight).mkdir(exist_ok=True)
-            for path in outputs_of(contents.results / flight, name):
-                shutil.copyfile(path, built / flight / path.name)
 
 
 def prepare_flights(folder: Path, quick: bool = False) -> Prepared:

@@ -144,12 +144,7 @@ def stage(contents: Contents, folder: Path) -> None:
             nbformat.write(joined(own, contents.see, text), folder / f"{page}.ipynb")
         else:
             (folder / f"{page}.md").write_text(text, encoding="utf-8")
-    for flight in ["", *(pair.name for pair in contents.pairs)]:
-        (folder / flight).mkdir(exist_ok=True)
-        for name in contents.good(flight):
-            for path in outputs_of(contents.results / flight, name):
-                if path.suffix != ".ipynb":
-                    shutil.copyfile(path, folder / flight / path.name)
+    put_outputs(contents, folder, notebooks=False)
     for file in ("_config.yml", "references.bib"):
         shutil.copyfile(contents.source / file, folder / file)
     shutil.copytree(contents.source / "_static", folder / "_static")
@@ -161,6 +156,16 @@ def stage(contents: Contents, folder: Path) -> None:
     ]
     toc = {"format": "jb-book", "root": contents.toc["root"], "parts": parts}
     (folder / "_toc.yml").write_text(yaml.safe_dump(toc, sort_keys=False), encoding="utf-8")
+
+
+def put_outputs(contents: Contents, folder: Path, notebooks: bool = True) -> None:
+    """What the run left, as downloads beside the pages that offer them."""
+    for flight in ["", *(pair.name for pair in contents.pairs)]:
+        (folder / flight).mkdir(exist_ok=True)
+        for name in contents.good(flight):
+            for path in outputs_of(contents.results / flight, name):
+                if notebooks or path.suffix != ".ipynb":
+                    shutil.copyfile(path, folder / flight / path.name)
 
 
 def _names(contents: Contents) -> dict[str, Any]:

@@ -1,12 +1,11 @@
 """Claims are read from ``data/paper/claims.toml``. The records of each flight judge them."""
 
-import tomllib
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.base.files import canonical_json, write_file
+from trexton.base.files import canonical_json, read_toml, write_file
 from trexton.base.options import Options, option
 from trexton.base.records import Record, plain
 from trexton.companion.claims import rules
@@ -122,8 +121,7 @@ def load_claims(path: Path | None = None, experiments: Iterable[str] = EXPERIMEN
     ParameterError
         An entry refers to an experiment or to a printed value that there is not.
     """
-    file = path or paper_file("claims.toml")
-    tables = tomllib.loads(file.read_text(encoding="utf-8"))["claim"]
+    tables = read_toml(path or paper_file("claims.toml"))["claim"]
     if path is None:
         for name in experiments:
             tables += [{"experiment": name} | table for table in EXPERIMENTS[name].claims]

@@ -4,7 +4,6 @@ Offers tables and controls of the ledger as HTML, plain without scripts (how the
 ``ledger.html``), and the map of the paper as Markdown.
 """
 
-import tomllib
 from collections.abc import Callable
 from html import escape
 from importlib.resources import files
@@ -15,6 +14,7 @@ import jinja2
 
 from trexton.base.cache import shipped
 from trexton.base.errors import ParameterError
+from trexton.base.files import read_toml
 from trexton.base.records import Record
 from trexton.companion import claims
 from trexton.companion.claims.ledger import (
@@ -76,7 +76,7 @@ class Item(NamedTuple):
 def load_map(path: Path | None = None) -> list[Item]:
     """All items, in the order of the paper; raises `ParameterError` unless each claim is in one."""
     path = path or paper_file("map.toml")
-    items = [Item(**table) for table in tomllib.loads(path.read_text(encoding="utf-8"))["item"]]
+    items = [Item(**table) for table in read_toml(path)["item"]]
     named = [claim for item in items for claim in item.claims]
     declared = [claim.id for claim in load_claims(paper_file("claims.toml"))]
     if sorted(named) != sorted(declared):

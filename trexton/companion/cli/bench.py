@@ -5,7 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from trexton.base.arguments import add_options, chosen_options
+from trexton.base.files import canonical_json, check_writable, write_file
 from trexton.base.options import Options, option
+from trexton.companion.checks.bench import LONG, STAGES, measure, measure_board
+from trexton.companion.checks.timing import table
 from trexton.companion.provenance import machine
 
 
@@ -22,18 +25,12 @@ class BenchOptions(Options):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.companion.checks.bench import LONG, STAGES
-
     words = f"only these: {', '.join(STAGES)}; {' and '.join(LONG)} are measured only where named"
     parser.add_argument("--stage", nargs="+", metavar="NAME", help=words)
     add_options(parser, BenchOptions)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.base.files import canonical_json, check_writable, write_file
-    from trexton.companion.checks.bench import measure, measure_board
-    from trexton.companion.checks.timing import table
-
     asked = chosen_options(arguments, BenchOptions)
     if asked.json:
         check_writable(asked.json)

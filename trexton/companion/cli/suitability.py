@@ -18,24 +18,23 @@ from trexton.base.files import (
     write_file,
 )
 from trexton.base.progress import say
+from trexton.base.records import plain
 from trexton.companion.executor import spreading, working_on
+from trexton.companion.experiments import virtual_flights
+from trexton.companion.experiments.floors import named_floor
+from trexton.simulator.floor import Floor
+from trexton.vision.threads import usable_cores
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.companion.experiments.virtual_flights import VirtualFlights
-
     words = "plan, mosaic or photograph of a floor, or a painted one such as moved:3"
     parser.add_argument("images", nargs="+", metavar="IMAGE", help=words)
     parser.add_argument("--width", type=float, metavar="M", help="width of the floor in metres")
-    add_options(parser, VirtualFlights)
+    add_options(parser, virtual_flights.VirtualFlights)
     parser.add_argument("--out", metavar="DIR", help="write the heat maps and all numbers there")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.base.records import plain
-    from trexton.companion.experiments import virtual_flights
-    from trexton.vision.threads import usable_cores
-
     flights = chosen_options(arguments, virtual_flights.VirtualFlights)
     floors = {name: _floor(name, arguments) for name in arguments.images}
     files = _files(Path(arguments.out), floors) if arguments.out else {}
@@ -76,9 +75,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _floor(name: str, arguments: argparse.Namespace) -> Any:
-    from trexton.companion.experiments.floors import named_floor
-    from trexton.simulator.floor import Floor
-
     if not Path(name).exists() and (":" in name or "@" in name):
         return named_floor(name)
     if arguments.width is None:

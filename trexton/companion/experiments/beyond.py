@@ -4,7 +4,6 @@
 with visual odometry. One frame is drawn on its way to a place.
 """
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
@@ -14,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from trexton.base.files import read_toml
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
@@ -137,7 +137,7 @@ def _summary(runs: list[Track], test: Flight, seed: int) -> dict[str, Any]:
 
 def _protocol() -> dict[str, Any]:
     """How the method was chosen, and every test-set evaluation so far."""
-    written = tomllib.loads(paper_file("protocol.toml").read_text(encoding="utf-8"))
+    written = read_toml(paper_file("protocol.toml"))
     evaluations = [
         {key: value for key, value in each.items() if key != "date"}
         for each in written["evaluations"]

@@ -1,11 +1,11 @@
 """The paper's published numbers. They are read from ``data/paper/published.toml``."""
 
-import tomllib
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from trexton.base.cache import shipped
+from trexton.base.files import read_toml
 
 
 def paper_file(name: str) -> Path:
@@ -16,7 +16,7 @@ def paper_file(name: str) -> Path:
 @lru_cache
 def published() -> dict[str, Any]:
     """All published values, by experiment."""
-    return tomllib.loads(paper_file("published.toml").read_text(encoding="utf-8"))
+    return read_toml(paper_file("published.toml"))
 
 
 def look_up(tree: Any, path: str) -> Any:
