@@ -95,7 +95,6 @@ def sweep(
     *,
     jobs: int | None = None,
     cluster: str | None = None,
-    experiments: Mapping[str, Experiment] = EXPERIMENTS,
 ) -> Swept:
     """Run what is not there yet; write ``sweep.json`` and ``sweep.csv`` into `out`.
 
@@ -106,12 +105,12 @@ def sweep(
     ParameterError
         The experiment or a parameter does not exist or fit; nothing has been touched then.
     """
-    if plan.experiment not in experiments or experiments[plan.experiment].every_flight:
-        names = ", ".join(name for name, one in experiments.items() if not one.every_flight)
+    if plan.experiment not in EXPERIMENTS or EXPERIMENTS[plan.experiment].every_flight:
+        names = ", ".join(name for name, one in EXPERIMENTS.items() if not one.every_flight)
         raise ParameterError(f"no experiment {plan.experiment!r} to sweep: there are {names}")
     if not plan.pairs:
         raise ParameterError("a sweep needs flights: name some in the plan")
-    experiment = experiments[plan.experiment]
+    experiment = EXPERIMENTS[plan.experiment]
     chosen = _grid(plan, experiment)
     check_out(out, plan.pairs)
     for pair in plan.pairs:

@@ -18,6 +18,7 @@ from pathlib import Path
 from subprocess import PIPE
 from typing import Any
 
+import cv2
 import numpy as np
 
 from trexton.base.errors import ParameterError
@@ -26,6 +27,7 @@ from trexton.base.streams import stream
 from trexton.companion.checks.timing import VIEWS, Contest, Row, Scene
 from trexton.companion.checks.waiting import answers, learning
 from trexton.companion.executor import environment
+from trexton.companion.experiments.homography import KEYPOINTS, HomographyLocalizer
 from trexton.companion.provenance import machine
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import save_map
@@ -111,10 +113,6 @@ def _map_by_einsum(
 
 def frame(scene: Scene) -> Contests:
     """Image in, estimate out against one SIFT of the frame; and the homography at half size."""
-    import cv2
-
-    from trexton.companion.experiments.homography import KEYPOINTS, HomographyLocalizer
-
     floor = scene.flight.floor
     assert floor is not None  # the simulator knows it
     whole, half = (HomographyLocalizer(floor, scale=scale) for scale in (1.0, 0.5))

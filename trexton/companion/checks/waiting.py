@@ -17,8 +17,10 @@ import numpy as np
 from trexton.base.streams import stream
 from trexton.companion.checks.timing import Contest, Scene
 from trexton.companion.executor import environment
+from trexton.flights.check import check_flight
 from trexton.localization.localizer import TextonMap
 from trexton.localization.training import with_parts
+from trexton.simulator.recording import record_flight
 
 # Limits in seconds were asked where decoding took 2.2 s.
 _MANY = 100_000  # frames
@@ -50,9 +52,6 @@ def _repeated(texton_map: TextonMap, count: int, seed: int) -> TextonMap:
 
 def answers(scene: Scene) -> Iterator[Contest]:
     """What a report and a floor's suitability say first, and all; and the check of a flight."""
-    from trexton.flights.check import check_flight
-    from trexton.simulator.recording import record_flight
-
     floor, test = scene.flight.floor, scene.folder / "test"
     assert floor is not None  # the simulator knows it
     record_flight(test, pattern="waypoints", frames=scene.frames // 2, seed=scene.seed)

@@ -187,6 +187,5 @@ def _quaternions(matrices: np.ndarray) -> np.ndarray:
     turns = matrices.reshape(-1, 3, 3).transpose(0, 2, 1)
     good = np.isclose(np.linalg.det(np.nan_to_num(turns)), 1, atol=1e-2)
     result = np.where(np.isnan(matrices).any(axis=1)[:, None], np.nan, np.zeros((len(turns), 4)))
-    if good.any():
-        result[good] = Rotation.from_matrix(turns[good]).as_quat()
+    result[good] = Rotation.from_matrix(turns[good]).as_quat()
     return result
