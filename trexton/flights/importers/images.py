@@ -50,12 +50,12 @@ def rectification_of(
     """What is done to each image of a recording of one size; see `Common` of importing."""
     height, width = frames[0].shape[:2]
     full = width, height
-    lens = _calibration(Path(undistort), frames, full) if undistort else {}
+    lens = _calibration(Path(undistort), frames, full) if undistort else ()
     part = _crop(crop, full) if crop else (0, 0, *full)
     size = (round(part[2] * scale), round(part[3] * scale))
     if min(size) < 1:
         raise ParameterError(f"scale {scale:g} leaves nothing of {part[2]}x{part[3]}: give more")
-    return Rectification(full, part, size, **lens)
+    return Rectification(full, part, size, *lens)
 
 
 def write_images(frames: ImageFiles | Forward, done: Rectification, folder: Path) -> ImageFiles:
@@ -86,7 +86,9 @@ def _crop(text: str, size: tuple[int, int]) -> tuple[int, int, int, int]:
     return x, y, width, height
 
 
-def _calibration(path: Path, frames: ImageFiles | Forward, size: tuple[int, int]) -> dict[str, Any]:
+def _calibration(
+    path: Path, frames: ImageFiles | Forward, size: tuple[int, int]
+) -> tuple[Any, ...]:
     """Focal length, centre and distortion in a file of OpenCV, EuRoC or Kalibr."""
     # Of several cameras, that whose folder the images lie in.
     files = frames.files[:1] if isinstance(frames, ImageFiles) else ()
@@ -97,5 +99,4 @@ def _calibration(path: Path, frames: ImageFiles | Forward, size: tuple[int, int]
     if (camera.width, camera.height) != size:
         whose = f"the calibration is for {camera.width}x{camera.height}"
         raise ParameterError(f"{whose}, the images are {size[0]}x{size[1]}")
-    focal, center = float(camera.focal), tuple(map(float, camera.principal_point))
-    return {"focal": focal, "center": center, "distortion": tuple(distortion.tolist())}
+    return camera.focal, camera.principal_point, tuple(distortion.tolist())
