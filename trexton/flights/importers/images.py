@@ -50,7 +50,7 @@ def rectification_of(
     """What is done to each image of a recording of one size; see `Common` of importing."""
     height, width = frames[0].shape[:2]
     full = width, height
-    lens = _calibration(Path(undistort), frames, full) if undistort else ()
+    lens = _lens(Path(undistort), frames, full) if undistort else ()
     part = _crop(crop, full) if crop else (0, 0, *full)
     size = (round(part[2] * scale), round(part[3] * scale))
     if min(size) < 1:
@@ -86,9 +86,7 @@ def _crop(text: str, size: tuple[int, int]) -> tuple[int, int, int, int]:
     return x, y, width, height
 
 
-def _calibration(
-    path: Path, frames: ImageFiles | Forward, size: tuple[int, int]
-) -> tuple[Any, ...]:
+def _lens(path: Path, frames: ImageFiles | Forward, size: tuple[int, int]) -> tuple[Any, ...]:
     """Focal length, centre and distortion in a file of OpenCV, EuRoC or Kalibr."""
     # Of several cameras, that whose folder the images lie in.
     files = frames.files[:1] if isinstance(frames, ImageFiles) else ()
