@@ -4,6 +4,7 @@ would make the same ones anew.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import pickle
 from collections.abc import Callable, Iterator
@@ -25,7 +26,10 @@ _folders: list[Path] = []  # of this run; none where no test runs
 
 def _kept(path: Path, make: Callable[[], bytes]) -> bytes:
     if not path.exists():
-        write_file(path, make())
+        with open(path.with_suffix(".lock"), "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # whoever comes meanwhile waits for it
+            if not path.exists():
+                write_file(path, make())
     return path.read_bytes()
 
 
