@@ -229,7 +229,7 @@ def test_frames_between_are_placed_as_well_as_photo_to_photo(tmp_path):
 
 
 def test_a_map_of_photographs_that_all_look_alike_is_in_doubt_and_fine_refuses_it(tmp_path):
-    flight, _ = survey(tmp_path / "flight", 4, 8, seed=10, alike=0.97, relief=1.5)
+    flight, _ = survey(tmp_path / "flight", 3, 6, seed=10, alike=0.97, relief=1.5)
     with pytest.raises(MapError, match="not to be trusted|contradict|matched|too near"):
         train_map(flight, method="fine", n_textons=6, rng=np.random.default_rng(1))
 
