@@ -87,7 +87,8 @@ def test_another_size(place, tmp_path):
     assert not found["camera"] and not found["map"]
 
 
-def test_no_camera(place, capsys):
+def test_no_camera(place, capsys, monkeypatch):
+    monkeypatch.setattr(preflight, "__defaults__", (1.0,))  # seconds of waiting in vain
     words = ["onboard", place[0], "--camera", "/dev/video97", "--preflight", "--quiet"]
     assert main(words) == 1
     lines = capsys.readouterr().out.splitlines()
