@@ -43,10 +43,9 @@ if found := _shared_data():  # as make test says it: pytest by hand runs the sam
 # Files that take longest, the longest first (`--durations`): begun last, one of them would run on
 # where all else is done.
 LONG = [
-    "test_contributing.py", "test_cluster.py", "test_floors.py", "test_closed_loop.py",
-    "test_installed.py", "test_mosaic.py", "test_preflight.py", "test_workflow.py",
-    "test_registration.py", "test_filter.py", "test_book.py", "test_sweep.py", "test_appearance.py",
-    "test_prose.py",
+    "test_contributing.py", "test_cluster.py", "test_workflow.py", "test_closed_loop.py",
+    "test_appearance.py", "test_installed.py", "test_floors.py", "test_sweep.py", "test_book.py",
+    "test_mosaic.py", "test_filter.py", "test_aerial.py", "test_preflight.py", "test_prose.py",
 ]  # fmt: skip
 
 
