@@ -150,10 +150,8 @@ def test_method_field_takes_quarters_of_images_unless_the_heading_was_not_held(
 @pytest.fixture(scope="module")
 def counted_anew(tmp_path_factory):
     """A flight, a map of it for the paper's method, and that map for method field."""
-    flight, rng = (
-        picture_flight(tmp_path_factory.mktemp("anew"), "flight", 160, 6),
-        np.random.default_rng(1),
-    )
+    rng = np.random.default_rng(1)
+    flight = picture_flight(tmp_path_factory.mktemp("anew"), "flight", frames=160, turns=6)
     base = train_map(flight, n_textons=6, neighbors=2, rng=rng)
     return flight, base, for_method(base, "field", flight=flight, rng=rng)
 
