@@ -1,7 +1,7 @@
 """Plausibility checks of a flight that can be read; `warnings` runs all of them, and each gives a
 `Doubt` for what is probably not as meant, with what to do about it."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -12,9 +12,10 @@ from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.importers import axes
 from trexton.flights.jumps import jump_doubts
+from trexton.flights.motion import followed_rows, motion_doubts, seen_motion
 from trexton.flights.tracking import SET_BACK, Doubt, count_of, lost_rows, tracking_doubts
 from trexton.vision.camera import wrapped
-from trexton.vision.time_offset import small, time_offset, turns
+from trexton.vision.time_offset import small, time_offset
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 FAST, MAX_TURN = 15.0, 6.0  # m/s, or heights a second, from where turns of so many m/s^2 are none
@@ -28,7 +29,6 @@ LONGEST_GAP = 1800.0  # seconds between frames of one flight; clocks may be an h
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO, FLOOR_RATIO = 5.0, 20.0  # heights, and the floor's picture, by the diagonal
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
-OFFSET_FRAMES = 400  # whose turning is measured
 TURNED, MAX_TILT = 0.5, 0.35  # radians: of yaw, to know axes by; half of a flight is more level
 
 
@@ -42,11 +42,11 @@ def _scaled(factor: float | np.ndarray, *columns: str) -> Callable[[Flight], Fli
     return mend
 
 
-def warnings(flight: Flight, first: Sequence[np.ndarray] = ()) -> list[Doubt]:
-    """What the checks say, in their order; `small` images of the `first` frames spare a look."""
-    turning = partial(_turning, first=first)
+def warnings(flight: Flight, looked_at: Mapping[int, np.ndarray] | None = None) -> list[Doubt]:
+    """What the checks say, in their order; `small` images by row spare a look at these."""
+    motion = partial(_motion, looked_at=looked_at or {})
     places = (_outside, tracking_doubts, _speed, _heights)
-    views: tuple[Callable[[Flight], Iterator[str]], ...] = (_angles, _view, turning, _extent)
+    views: tuple[Callable[[Flight], Iterator[str]], ...] = (_angles, _view, motion, _extent)
     others = (jump_doubts, _stamps, _splits, _floor, _features)
     said = (each for check in (*places, *views, *others) for each in check(flight))
     return [each if isinstance(each, Doubt) else Doubt(each) for each in said]
@@ -184,20 +184,26 @@ def _view(flight: Flight) -> Iterator[str]:
     )
 
 
-def _turning(flight: Flight, first: Sequence[np.ndarray] = ()) -> Iterator[str]:
-    """Pictures that turn at another time than the yaw beside them, or the other way."""
-    if not flight.has_images or flight.attitude is None:
+def _motion(flight: Flight, looked_at: Mapping[int, np.ndarray]) -> Iterator[str]:
+    """Pictures that move or turn otherwise than the positions and the yaw beside them."""
+    if not flight.has_images or flight.attitude is None and not flight.located.any():
         return
-    rows = np.flatnonzero(np.isfinite(flight.attitude[:, 2]))[:OFFSET_FRAMES]
+    rows = followed_rows(flight)
+    part, spared = flight.select(rows), looked_at.keys() >= set(rows)
     try:
-        seen = len(first) > rows.max(initial=-1)
-        images = (first[row] for row in rows) if seen else map(small, flight.select(rows).images())
-        turned = turns(images)
+        images = (looked_at[row] for row in rows) if spared else map(small, part.images())
+        seen = seen_motion(images)
     except TrextonError:
         return  # said already
-    if len(set(flight.attitude[rows, 2])) == 1 and np.abs(np.nancumsum(turned)).max() > TURNED:
+    if not any(sure for *_, sure in lost_rows(flight.time, flight.position)):
+        yield from motion_doubts(flight, rows, seen)
+    if part.attitude is None:
+        return
+    turned = np.where(np.diff(seen[0]) == 0, np.angle(seen[2][1:] / seen[2][:-1]), np.nan)
+    known = np.isfinite(yaw := part.attitude[:, 2])
+    if len(set(yaw[known])) == 1 and np.abs(np.nancumsum(turned)).max(initial=0) > TURNED:
         yield "the pictures turn, the yaw never changes: was it recorded? leave the attitude out"
-    found = time_offset(flight.time[rows], turned, flight.time[rows], flight.attitude[rows, 2])
+    found = time_offset(part.time, np.append(np.nan, turned), part.time[known], yaw[known])
     if found is None or not found.sure:
         return
     if found.mirrored:

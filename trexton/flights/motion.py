@@ -1,0 +1,101 @@
+"""Pictures of the floor move as the camera does. `seen_motion` follows them, and `motion_doubts`
+names positions that go another way or at another time, and yaws and heights of another kind.
+"""
+
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+
+import cv2
+import numpy as np
+
+from trexton.flights.flight import Flight
+from trexton.vision.time_offset import CORNERS
+from trexton.vision.visual_odometry import STILL, followed
+
+MOST, AGREE = 200, 0.5  # frames that are followed; share of points that agree, and scale, at least
+RUN, FAR = 30, 0.4  # frames, and widths of the picture, over which tilts count for little
+KNOWN, ALIKE, NEAR = 0.4, 0.85, 10  # share of places; correlation of tiles; pixels of the same one
+FITS, SURELY, APART = 0.05, 0.01, 0.5  # shares of the variance of places that pictures leave
+BETTER, ASIDE, RATIO = 5.0, 0.45, 1.7  # times less of it; radians; ratio of heights: more is said
+LAGS, STEP, LATE = 30.0, 0.1, 0.35  # seconds between clocks: tried, to the next, more is said
+UNLIKE = "the pictures do not move as the positions do: {}? import again"
+
+
+def followed_rows(flight: Flight) -> np.ndarray:
+    """``(N,)`` rows in sequence, up to `MOST`, over which the vehicle moves most."""
+    moved = np.nan_to_num(np.hypot(*np.diff(flight.position, axis=0, append=np.nan).T))
+    first = np.convolve(moved, np.ones(min(MOST, len(moved))), "valid").argmax()
+    return np.arange(len(moved))[first : first + MOST]
+
+
+def seen_motion(frames: Iterable[np.ndarray]) -> np.ndarray:
+    """``(4, N)`` complex motion by ``(N, H, W) uint8`` luma frames: numbers that change where two
+    in sequence have little in common; where their middle is, to the right and ahead in the first,
+    in its widths; views, turned anticlockwise, as large as the width; how much one repeats itself.
+    """
+    piece, way, view = 0, 0j, 1 + 0j
+    rows = [(piece, way, view, 0.0)]
+    for before, frame in pairwise(frames):
+        matrix, agreed = followed(before, frame, CORNERS) or (STILL, 0.0)
+        if agreed < AGREE or np.hypot(*matrix[:, 0]) < AGREE:
+            matrix, piece = STILL, piece + 1
+        scale, shift = matrix[0, ::2] + 1j * matrix[1, ::2]
+        middle = complex(frame.shape[1] - 1, frame.shape[0] - 1) / 2
+        way += view * np.conj((middle - shift) / scale - middle) / frame.shape[1]
+        view /= np.conj(scale)
+        rows.append((piece, way, view, _repeated(frame)))
+    return np.transpose(rows)
+
+
+def _repeated(frame: np.ndarray) -> float:
+    """The correlation of the middle of a frame with what is most like it elsewhere, as a tile."""
+    top, left = frame.shape[0] // 3, frame.shape[1] // 3
+    middle = frame[top : 2 * top + 1, left : 2 * left + 1]
+    like = cv2.matchTemplate(frame, middle, cv2.TM_CCOEFF_NORMED)
+    like[max(0, top - NEAR) : top + NEAR + 1, max(0, left - NEAR) : left + NEAR + 1] = 0
+    return float(like.max())
+
+
+def motion_doubts(flight: Flight, rows: np.ndarray, seen: np.ndarray) -> Iterator[str]:
+    """What the `seen_motion` of rows of a flight contradicts of its positions, yaws and heights."""
+    piece, (way, view, repeated) = seen[0].real.astype(int), seen[1:]
+    run = (piece == np.bincount(piece).argmax()) & flight.located[rows]
+    way, view, rows = way[run], view[run], rows[run]
+    if len(rows) < RUN or way.std() < FAR * abs(view[0]) or np.median(repeated.real) > ALIKE:
+        return  # too little, or one tile is taken for the next
+    place = flight.position @ (1, 1j)
+
+    def fit(late: float = 0.0, there: np.ndarray = place) -> tuple[float, complex]:
+        """The share of the variance of places that the way turned and scaled leaves, and these."""
+        to = np.interp(flight.time[rows] + late, flight.time, there, np.nan, np.nan)
+        known = np.isfinite(to)
+        if known.mean() < KNOWN:
+            return np.inf, 1 + 0j
+        to, gone = to[known] - to[known].mean(), way[known] - way[known].mean()
+        common, moved = np.vdot(gone, to), max(np.vdot(gone, gone).real, 1e-12)
+        return 1 - abs(common) ** 2 / moved / max(np.vdot(to, to).real, 1e-12), common / moved
+
+    (share, scale), (mirrored, _) = fit(), fit(there=place.conj())
+    good, most = min(FITS, share / BETTER), min(LAGS, np.ptp(flight.time) / 4)
+    late = min(STEP * np.arange(-most // STEP, most // STEP), key=lambda each: fit(each)[0])
+    if abs(late) > LATE and fit(late)[0] < min(SURELY, good, mirrored):
+        yield UNLIKE.format(f"is one clock ahead of the other, --offset {-late:.1f}")
+    elif share > FITS and mirrored < good:
+        yield UNLIKE.format("is x exchanged with y, or one of them counted the other way")
+    elif share > APART and flight.origin is None:
+        yield UNLIKE.format("are they of another flight, order or clock")
+    if share > FITS:
+        return
+    if flight.attitude is not None:
+        aside = scale * view / np.abs(scale * view) * np.exp(-1j * flight.attitude[rows, 2])
+        angle = np.angle(np.nansum(aside))
+        if abs(angle) > ASIDE and abs(np.nansum(aside)) > 0.9 * len(rows):
+            turn = f"{10 * round(np.degrees(angle) / 10)} degrees anticlockwise of the yaw"
+            why = "is x exchanged with y" if mirrored < 2 * FITS else "is it counted from x"
+            yield f"the pictures move {turn}: {why}, or the camera mounted turned? import again"
+    if flight.height is not None and flight.camera is not None:
+        high = np.median(np.abs(scale * view)) * flight.camera.focal / flight.camera.width
+        height = np.median(flight.height[rows])  # NaN, of which nothing is said, if one is
+        if high > RATIO * height > 0 or RATIO * high < height:
+            words = f"the pictures move as if taken {high:.1f} m above the floor, not {height:.1f}"
+            yield f"{words}: heights in another unit, or a focal length of another size?"
