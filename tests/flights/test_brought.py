@@ -30,7 +30,9 @@ def place(i: float) -> tuple[float, float]:
     return float(5 + 2 * np.cos(i / 8)), float(4 + 2 * np.sin(i / 8))
 
 
-def bag(path: Path, stamped=True, constant=0, encoding="mono8", ros2=False, zero_turns=()) -> Path:
+def bag(
+    path: Path, stamped=True, constant=0, encoding="mono8", ros2=False, zero_turns=(), cut=()
+) -> Path:
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -66,10 +68,23 @@ def bag(path: Path, stamped=True, constant=0, encoding="mono8", ros2=False, zero
             raw = np.frombuffer(np.ascontiguousarray(pixels).tobytes(), np.uint8)
             message = kinds["sensor_msgs/msg/Image"](
                 header=at, height=48, width=64, encoding=encoding, is_bigendian=0,
-                step=len(raw) // 48, data=raw,
+                step=len(raw) // 48, data=raw[:-1] if i in cut else raw,
             )  # fmt: skip
             writer.write(images, now, packed(message, "sensor_msgs/msg/Image"))
     return path
+
+
+def test_images_of_a_bag_that_are_cut_are_left_out(tmp_path):
+    flight, said = import_flight(bag(tmp_path / "b.bag", cut=(0, 5)), tmp_path / "out")
+    (line,) = [each for each in said if "left out" in each]
+    assert line.startswith("images that cannot be read, left out: 2 (first: message 1: ")
+    assert "an image of /image is shorter than its 64x48 pixels" in line
+    assert len(flight) == 6
+    grey = [picture(row)[..., 0].mean() for row in (1, 2, 3, 4, 6, 7)]
+    np.testing.assert_allclose([each[..., 0].mean() for each in flight.images()], grey, atol=1)
+    np.testing.assert_allclose(flight.position[0], place(1), atol=1e-6)
+    with pytest.raises(FlightError, match="an image of /image is shorter than its 64x48 pixels"):
+        import_flight(bag(tmp_path / "c.bag", cut=range(5)), tmp_path / "most")
 
 
 @pytest.mark.parametrize("encoding", ["mono8", "8UC1", "mono16", "bayer_rggb8", "bayer_gbrg16"])

@@ -11,6 +11,7 @@ import pytest
 from trexton.flights.check import check_flight, repair_flight
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
+from trexton.flights.motion import seen_motion, turns
 from trexton.flights.plausibility import warnings
 from trexton.flights.writing import write_flight
 from trexton.simulator.floor import Floor
@@ -18,7 +19,7 @@ from trexton.simulator.recording import record_flight
 from trexton.simulator.sensor import Effects
 from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera
-from trexton.vision.time_offset import small, time_offset, turns
+from trexton.vision.time_offset import small, time_offset
 
 PERIOD = 0.08
 
@@ -41,12 +42,13 @@ def turning(yaw: float = 0.2, frames: int = 75):
 @pytest.fixture(scope="module")
 def flown():
     pictures, measured = turning()
-    return turns(small(each) for each in pictures), measured, PERIOD * np.arange(len(measured))
+    turned = turns(seen_motion(small(each) for each in pictures))
+    return turned, measured, PERIOD * np.arange(len(measured))
 
 
 def test_frames_show_how_far_they_turned():
     pictures, measured = (each[:30] for each in turning())
-    found = turns(small(each) for each in pictures)
+    found = turns(seen_motion(small(each) for each in pictures))
     assert np.isnan(found[0])
     np.testing.assert_allclose(found[1:], np.diff(measured), atol=0.01)
 
@@ -77,7 +79,8 @@ def _added(turned: np.ndarray, several: int) -> np.ndarray:
 
 def test_a_picture_that_is_mirrored_turns_the_other_way():
     pictures, measured = turning()
-    turned = turns(small(np.ascontiguousarray(each[:, ::-1])) for each in pictures)
+    mirrored = (small(np.ascontiguousarray(each[:, ::-1])) for each in pictures)
+    turned = turns(seen_motion(mirrored))
     found = time_offset(PERIOD * np.arange(75), turned, PERIOD * np.arange(75), measured)
     assert found.sure and found.mirrored
 
@@ -89,7 +92,7 @@ def test_a_picture_that_is_mirrored_turns_the_other_way():
 def test_what_shows_nothing_is_not_sure(picture, yaw):
     frames = [picture] * 75 if picture is not None else (small(each) for each in turning(0.0)[0])
     time = PERIOD * np.arange(75)
-    found = time_offset(time, turns(frames), time, yaw)
+    found = time_offset(time, turns(seen_motion(frames)), time, yaw)
     assert found is None or not found.sure
 
 
@@ -122,8 +125,9 @@ def test_frames_of_any_size_are_looked_at():
     rng = np.random.default_rng(1)
     sizes = [(1, 1), (2, 9), (12, 16), (30, 20), (12, 16), (12, 16)]
     frames = [rng.integers(0, 256, size, np.uint8) for size in sizes]
-    assert turns(frames).shape == (6,) and np.isnan(turns(frames)[:2]).all()
-    assert len(turns([])) == 0
+    turned = turns(seen_motion(frames))
+    assert turned.shape == (6,) and np.isnan(turned[:2]).all()
+    assert time_offset([], turns(seen_motion([])), [], []) is None
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import TrextonError
+from trexton.flights.motion import seen_motion, turns
 from trexton.localization.localizer import Localizer
 from trexton.localization.neighbors import neighbors_in_flight
 from trexton.localization.training_set import EXCLUDED_SECONDS
@@ -21,7 +22,7 @@ from trexton.onboard.loop import CAUSES, Onboard
 from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import SINKS, Check
 from trexton.onboard.sources import Frame, Playback
-from trexton.vision.time_offset import small, time_offset, turns
+from trexton.vision.time_offset import small, time_offset
 
 DURATION = 5.0  # seconds that the loop runs
 INSPECTED_FRAMES = 10  # frames that are looked at closely
@@ -134,7 +135,8 @@ def _of_delay(watched: _Watch) -> Iterator[Check]:
         return
     stamps = [stamp for stamp, _ in watched.small]
     yaw_s, yaw = zip(*sorted(watched.yaw.items()), strict=True)
-    offset = time_offset(stamps, turns(luma for _, luma in watched.small), yaw_s, yaw)
+    turned = turns(seen_motion(luma for _, luma in watched.small))
+    offset = time_offset(stamps, turned, yaw_s, yaw)
     if offset is None:
         return
     late = watched.delay + offset.seconds

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from trexton.flights.flight import Flight
-from trexton.vision.time_offset import CORNERS
 from trexton.vision.visual_odometry import STILL, followed
 
+CORNERS = 120  # that are followed from frame to frame
 MOST, AGREE = 200, 0.5  # frames that are followed; share of points that agree, and scale, at least
 RUN, FAR = 30, 0.4  # frames, and widths of the picture, over which tilts count for little
 KNOWN, ALIKE, NEAR = 0.4, 0.85, 10  # share of places; correlation of tiles; pixels of the same one
@@ -45,6 +45,14 @@ def seen_motion(frames: Iterable[np.ndarray]) -> np.ndarray:
         view /= np.conj(scale)
         rows.append((piece, way, view, _repeated(frame)))
     return np.transpose(rows)
+
+
+def turns(seen: np.ndarray) -> np.ndarray:
+    """``(N,)`` radians, anticlockwise, by which the camera turned before each frame of a
+    `seen_motion`; NaN for the first, and where two have little in common.
+    """
+    turned = np.angle(seen[2, 1:] / seen[2, :-1])
+    return np.append(np.nan, np.where(np.diff(seen[0]) == 0, turned, np.nan))
 
 
 def _repeated(frame: np.ndarray) -> float:

@@ -12,7 +12,7 @@ from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.importers import axes
 from trexton.flights.jumps import jump_doubts
-from trexton.flights.motion import followed_rows, motion_doubts, seen_motion
+from trexton.flights.motion import followed_rows, motion_doubts, seen_motion, turns
 from trexton.flights.tracking import SET_BACK, Doubt, count_of, lost_rows, tracking_doubts
 from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset
@@ -199,11 +199,10 @@ def _motion(flight: Flight, looked_at: Mapping[int, np.ndarray]) -> Iterator[str
         yield from motion_doubts(flight, rows, seen)
     if part.attitude is None:
         return
-    turned = np.where(np.diff(seen[0]) == 0, np.angle(seen[2][1:] / seen[2][:-1]), np.nan)
-    known = np.isfinite(yaw := part.attitude[:, 2])
+    turned, known = turns(seen), np.isfinite(yaw := part.attitude[:, 2])
     if len(set(yaw[known])) == 1 and np.abs(np.nancumsum(turned)).max(initial=0) > TURNED:
         yield "the pictures turn, the yaw never changes: was it recorded? leave the attitude out"
-    found = time_offset(part.time, np.append(np.nan, turned), part.time[known], yaw[known])
+    found = time_offset(part.time, turned, part.time[known], yaw[known])
     if found is None or not found.sure:
         return
     if found.mirrored:

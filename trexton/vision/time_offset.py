@@ -6,13 +6,12 @@ camera and autopilot (as Kelly and Sukhatme, "A general framework for temporal c
 multiple proprioceptive and exteroceptive sensors", 2014, by their turns). No map is needed.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trexton.vision.visual_odometry import FEWEST, followed, shrink
+from trexton.vision.visual_odometry import FEWEST, shrink
 
 EARLIEST_S, LONGEST_S, STEP_S = -0.2, 0.8, 0.01  # the offsets that are tried
 AGREE, SURE_S = 0.8, 0.025  # correlation from which the two turn alike, and deviation up to which
@@ -23,7 +22,6 @@ WINDOW_S = 0.3  # over which turns are added up: the noise of the yaw stays, wha
 LONGEST_FLIGHT_S = 1e5  # stamps of another unit may reach further
 SMOOTHED_S = 0.2  # of the yaw: its noise must weigh the same on its stamps and between them
 WIDTH = 160  # pixels of the frames that turns are read off, about
-CORNERS = 120  # that are followed from frame to frame
 
 
 @dataclass(frozen=True)
@@ -61,29 +59,6 @@ class TimeOffset:
         return abs(self.seconds) > max(HARMLESS_S, 3 * self.sigma)
 
 
-def turns(frames: Iterable[np.ndarray]) -> NDArray[np.float64]:
-    """``(N,)`` radians, anticlockwise, by which the camera turned before each frame.
-
-    Parameters
-    ----------
-    frames : iterable of (H, W) uint8 arrays
-        Luma of one size, the vehicle's nose at the top; see `small`.
-
-    Returns
-    -------
-    array
-        NaN for the first, and where too little of a frame is in the next.
-    """
-    turns: list[float] = []
-    before: np.ndarray | None = None
-    for frame in frames:
-        motion = None if before is None else followed(before, frame, CORNERS)
-        # Rows count downwards: a picture turns clockwise where its camera turns the other way.
-        turns.append(np.nan if motion is None else np.arctan2(motion[0][1, 0], motion[0][0, 0]))
-        before = frame
-    return np.array(turns, dtype=float)
-
-
 def small(image: np.ndarray) -> np.ndarray:
     """``(h, w) uint8`` luma of an ``(H, W, 3) uint8`` Y, U, V image, about `WIDTH` pixels wide."""
     luma = np.ascontiguousarray(image[..., 0])
@@ -98,7 +73,7 @@ def time_offset(
     Parameters
     ----------
     stamps, turned : (N,) arrays
-        Of the frames: seconds, and what `turns` says of them.
+        Of the frames: seconds, and radians anticlockwise that the camera turned before each.
     yaw_s, yaw_rad : (M,) arrays
         Seconds on the same clock, increasing, and the yaw then: radians, anticlockwise.
     """

@@ -71,11 +71,25 @@ def read(source: Path, settings: Settings) -> Recording:
     """The recording in a bag; images are read again when they are asked for, in order."""
     bag = _Bag(source)
     images, poses = bag.topic(IMAGES, settings.image), bag.topic(tuple(POSES), settings.pose)
-    shot = np.array([stamps for *stamps, _ in bag.messages(images)], dtype=np.int64).reshape(-1, 2)
+    decoded = partial(_decoded, f"{bag.source}: an image of {images}")
+    stamped, damaged = [], {}
+    for number, message in enumerate(bag.messages(images)):
+        stamped.append(message[:2])
+        try:
+            decoded(message)
+        except FlightError as error:
+            damaged[number] = error
+    if 2 * len(damaged) > len(stamped):
+        raise next(iter(damaged.values()))
+    whole = np.setdiff1d(np.arange(len(stamped)), [*damaged])
+    shot = np.array(stamped, dtype=np.int64).reshape(-1, 2)[whole]
     rows = [(*stamps, _pose(message)) for *stamps, message in bag.messages(poses)]
     posed = np.array([stamps for *stamps, _ in rows], dtype=np.int64).reshape(-1, 2)
     values = np.array([pose for *_, pose in rows], dtype=float).reshape(-1, 7)
     said = [f"images from {images}, positions from {poses}"]
+    for number, why in [*damaged.items()][:1]:
+        left_out = f"images that cannot be read, left out: {len(damaged)}"
+        said.append(f"{left_out} (first: message {number + 1}: {why})")
     stamps = shot[:, 0], posed[:, 0]  # none are where they are zero, or mostly those of others
     clock = int(any(not each.all() or 2 * len(np.unique(each)) < len(each) for each in stamps))
     if clock:
@@ -84,8 +98,7 @@ def read(source: Path, settings: Settings) -> Recording:
     track, taken = pose_track(
         PoseTrack(posed[:, clock], values[:, :3]), values[:, 3:], settings.axes, where, lines
     )
-    decoded = partial(_decoded, f"{bag.source}: an image of {images}")
-    frames = Forward(bag.source, np.arange(len(shot)), partial(bag.messages, images), decoded)
+    frames = Forward(bag.source, whole, partial(bag.messages, images), decoded)
     name = f"bag {source.name}: {images}, {poses}"
     return Recording(shot[:, clock], track, frames, source=name, said=said + taken)
 
