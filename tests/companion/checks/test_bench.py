@@ -224,7 +224,8 @@ def test_a_board_is_a_line_of_numbers():
 
 def test_a_board_is_written_where_it_was_asked_for(tmp_path, monkeypatch, capsys):
     """A file to be sent in was named, and never made."""
-    monkeypatch.setattr(bench, "measure_board", lambda frames, seed: {"frames": frames})
+    measured = "trexton.companion.cli.bench.measure_board"
+    monkeypatch.setattr(measured, lambda frames, seed: {"frames": frames})
     assert cli.main(["bench", "--board", "--quick", "--json", str(tmp_path / "board.json")]) == 0
     assert json.loads((tmp_path / "board.json").read_text()) == {"frames": 200}
     assert json.loads(capsys.readouterr().out) == {"frames": 200}
