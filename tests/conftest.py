@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import fcntl
 import gc
 import os
-import sys
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -52,23 +49,12 @@ LONG = [
 ]  # fmt: skip
 
 
-@contextmanager
-def _one_by_one():
-    """Where no bytecode of the tests is kept yet, one process compiles it and the others wait."""
-    kept = any((ROOT / "tests" / "__pycache__").glob("test_*-pytest-*.pyc"))
-    with open(__file__) as lock:
-        if not kept and not sys.dont_write_bytecode:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
     """What is imported and collected lives to the end: no need to look for garbage in it."""
     gc.disable()
     try:
-        with _one_by_one():
-            return (yield)
+        return (yield)
     finally:
         gc.freeze()
         gc.enable()
