@@ -184,6 +184,6 @@ def test_nothing_is_said_over_tiles_of_which_one_looks_like_the_next():
     tile = np.random.default_rng(1).integers(0, 256, (6, 8), np.uint8)
     tiles = np.tile(cv2.resize(tile, (24, 18), interpolation=cv2.INTER_CUBIC), (5, 16))
     tiled = seen_motion([tiles[:72, 2 * row : 2 * row + 96] for row in range(len(flight))])
-    repeated = np.vstack([motion(0)[:3], tiled[3:]])
+    repeated = *motion(0)[:3], tiled[3]
     assert said(exchanged(flight), motion(0)) != []
     assert said(exchanged(flight), repeated) == []

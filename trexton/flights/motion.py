@@ -28,10 +28,10 @@ def followed_rows(flight: Flight) -> np.ndarray:
     return np.arange(len(moved))[first : first + MOST]
 
 
-def seen_motion(frames: Iterable[np.ndarray]) -> np.ndarray:
-    """``(4, N)`` complex motion by ``(N, H, W) uint8`` luma frames: numbers that change where two
-    in sequence have little in common; where their middle is, to the right and ahead in the first,
-    in its widths; views, turned anticlockwise, as large as the width; how much one repeats itself.
+def seen_motion(frames: Iterable[np.ndarray]) -> tuple[np.ndarray, ...]:
+    """``(N,)`` each of ``(N, H, W) uint8`` luma frames: numbers that change where two in sequence
+    have little in common; complex, where their middle is, to the right and ahead in the first, in
+    its widths; complex views, turned anticlockwise, as large as the width; how much one repeats.
     """
     piece, way, view = 0, 0j, 1 + 0j
     rows = [(piece, way, view, 0.0)]
@@ -44,15 +44,16 @@ def seen_motion(frames: Iterable[np.ndarray]) -> np.ndarray:
         way += view * np.conj((middle - shift) / scale - middle) / frame.shape[1]
         view /= np.conj(scale)
         rows.append((piece, way, view, _repeated(frame)))
-    return np.transpose(rows)
+    return tuple(map(np.array, zip(*rows, strict=True)))
 
 
-def turns(seen: np.ndarray) -> np.ndarray:
+def turns(seen: tuple[np.ndarray, ...]) -> np.ndarray:
     """``(N,)`` radians, anticlockwise, by which the camera turned before each frame of a
     `seen_motion`; NaN for the first, and where two have little in common.
     """
-    turned = np.angle(seen[2, 1:] / seen[2, :-1])
-    return np.append(np.nan, np.where(np.diff(seen[0]) == 0, turned, np.nan))
+    piece, _, view, _ = seen
+    turned = np.angle(view[1:] / view[:-1])
+    return np.append(np.nan, np.where(np.diff(piece) == 0, turned, np.nan))
 
 
 def _repeated(frame: np.ndarray) -> float:
@@ -64,12 +65,12 @@ def _repeated(frame: np.ndarray) -> float:
     return float(like.max())
 
 
-def motion_doubts(flight: Flight, rows: np.ndarray, seen: np.ndarray) -> Iterator[str]:
+def motion_doubts(flight: Flight, rows: np.ndarray, seen: tuple[np.ndarray, ...]) -> Iterator[str]:
     """What the `seen_motion` of rows of a flight contradicts of its positions, yaws and heights."""
-    piece, (way, view, repeated) = seen[0].real.astype(int), seen[1:]
+    piece, way, view, repeated = seen
     run = (piece == np.bincount(piece).argmax()) & flight.located[rows]
     way, view, rows = way[run], view[run], rows[run]
-    if len(rows) < RUN or way.std() < FAR * abs(view[0]) or np.median(repeated.real) > ALIKE:
+    if len(rows) < RUN or way.std() < FAR * abs(view[0]) or np.median(repeated) > ALIKE:
         return  # too little, or one tile is taken for the next
     place = flight.position @ (1, 1j)
 
