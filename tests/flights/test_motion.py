@@ -13,6 +13,7 @@ import pytest
 
 from trexton.flights.check import check_flight
 from trexton.flights.flight import Flight, area_around
+from trexton.flights.frames import ImageFiles
 from trexton.flights.importing import import_flight
 from trexton.flights.motion import MOST, followed_rows, motion_doubts, seen_motion
 from trexton.flights.plausibility import warnings
@@ -62,11 +63,11 @@ def flown(seed: int, frames: int = 80, straight: bool = False) -> tuple[Flight, 
 
 
 @cache
-def motion(seed: int, straight: bool = False) -> np.ndarray:
+def motion(seed: int, straight: bool = False) -> tuple[np.ndarray, ...]:
     return seen_motion(flown(seed, straight=straight)[1])
 
 
-def said(flight: Flight, seen: np.ndarray) -> list[str]:
+def said(flight: Flight, seen: tuple[np.ndarray, ...]) -> list[str]:
     return list(motion_doubts(flight, np.arange(len(flight)), seen))
 
 
@@ -133,7 +134,7 @@ def test_a_straight_way_does_not_tell_a_mirror_from_a_turned_yaw(damage):
     seen = motion(0, straight=True)
     assert said(flight, seen) == []
     (found,) = said(damage(flight), seen)
-    assert "of the yaw: is x exchanged with y, or the camera mounted turned" in found
+    assert "of the yaw: is it counted from x, x exchanged with y, or the camera mounted" in found
 
 
 def test_noise_of_gps_is_no_other_flight():
@@ -187,3 +188,23 @@ def test_nothing_is_said_over_tiles_of_which_one_looks_like_the_next():
     repeated = *motion(0)[:3], tiled[3]
     assert said(exchanged(flight), motion(0)) != []
     assert said(exchanged(flight), repeated) == []
+
+
+def test_a_yaw_is_judged_where_the_vehicle_turned_on_the_spot(tmp_path):
+    """It moves elsewhere, in a straight line: pictures were followed there alone."""
+    frames, turned = 320, 100
+    time = np.arange(frames) / 10
+    yaw = np.where(time < turned / 10, 0.7 * np.sin(1.7 * time), 0.0)
+    x = np.concatenate([np.full(turned, 1.5), np.linspace(1.5, 6, frames - turned)])
+    pictures = [taken(*row) for row in zip(x, np.full(frames, 3.0), yaw, strict=True)]
+    for row, picture in enumerate(pictures):
+        cv2.imwrite(str(tmp_path / f"{row:03}.png"), picture)
+    files = ImageFiles(tuple(sorted(tmp_path.glob("*.png"))))
+    place = np.column_stack([x, np.full(frames, 3.0)])
+    flight = Flight(
+        "on the spot", np.arange(frames), time, place, area_around(place, 0.02, 0.1),
+        attitude=np.column_stack([np.zeros((frames, 2)), yaw]), frames=files,
+    )  # fmt: skip
+    negated = replace(flight, attitude=-flight.attitude)
+    assert not any("the yaw" in each for each in warnings(flight))
+    assert any("against the yaw" in each for each in warnings(negated))

@@ -15,7 +15,6 @@ from trexton.base.progress import progress
 from trexton.flights import plausibility
 from trexton.flights.flight import Flight
 from trexton.flights.folder import Reading, load_folder
-from trexton.flights.motion import followed_rows
 from trexton.flights.tracking import count_of, ranges
 from trexton.flights.writing import write_flight
 from trexton.vision.images import read_image
@@ -85,11 +84,10 @@ def _images(
     reading: Reading,
 ) -> tuple[Counter[tuple[int, int]], dict[int, str], list[int], int, dict[int, np.ndarray]]:
     """What decoding every image shows: how many are of each size; by rows of frames.csv, what keeps
-    one from use; those whose picture is the one before, or blank; dark ones; `small` followed ones.
+    one from use; those whose picture is the one before, or blank; dark ones; `small` first ones.
     """
     places: dict[int, tuple[Path, tuple[int, int]]] = {}
     unusable, frozen, before, dark, looked_at = {}, [], np.empty(0), 0, {}
-    followed = () if reading.flight is None else followed_rows(reading.flight)
     images = progress(ahead(_read, reading.image_files), "images", len(reading.image_files))
     for (row, file), image in zip(reading.image_files, images, strict=True):
         if isinstance(image, ImageError):
@@ -99,7 +97,7 @@ def _images(
             frozen.append(row)
         before = image
         dark += bool(np.quantile(image[::4, ::4, 0], 0.99) < DARK)
-        if len(places) in followed:
+        if len(places) < plausibility.KEPT:
             looked_at[len(places)] = small(image)
         places[row] = file, (image.shape[1], image.shape[0])
     sizes = Counter(size for _, size in places.values())

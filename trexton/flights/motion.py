@@ -22,7 +22,9 @@ UNLIKE = "the pictures do not move as the positions do: {}? import again"
 
 
 def followed_rows(flight: Flight) -> np.ndarray:
-    """``(N,)`` rows in sequence, up to `MOST`, over which the vehicle moves most."""
+    """``(N,)`` rows in sequence, up to `MOST`, over which the vehicle moves most, if known."""
+    if not flight.located.any():
+        return np.arange(0)
     moved = np.nan_to_num(np.hypot(*np.diff(flight.position, axis=0, append=np.nan).T))
     first = np.convolve(moved, np.ones(min(MOST, len(moved))), "valid").argmax()
     return np.arange(len(moved))[first : first + MOST]
@@ -49,8 +51,7 @@ def seen_motion(frames: Iterable[np.ndarray]) -> tuple[np.ndarray, ...]:
 
 def turns(seen: tuple[np.ndarray, ...]) -> np.ndarray:
     """``(N,)`` radians, anticlockwise, by which the camera turned before each frame of a
-    `seen_motion`; NaN for the first, and where two have little in common.
-    """
+    `seen_motion`; NaN for the first, and where two have little in common."""
     piece, _, view, _ = seen
     turned = np.angle(view[1:] / view[:-1])
     return np.append(np.nan, np.where(np.diff(piece) == 0, turned, np.nan))
@@ -100,7 +101,7 @@ def motion_doubts(flight: Flight, rows: np.ndarray, seen: tuple[np.ndarray, ...]
         angle = np.angle(np.nansum(aside))
         if abs(angle) > ASIDE and abs(np.nansum(aside)) > 0.9 * len(rows):
             turn = f"{10 * round(np.degrees(angle) / 10)} degrees anticlockwise of the yaw"
-            why = "is x exchanged with y" if mirrored < 2 * FITS else "is it counted from x"
+            why = "is it counted from x" + ", x exchanged with y" * bool(mirrored < 2 * FITS)
             yield f"the pictures move {turn}: {why}, or the camera mounted turned? import again"
     if flight.height is not None and flight.camera is not None:
         high = np.median(np.abs(scale * view)) * flight.camera.focal / flight.camera.width

@@ -15,6 +15,7 @@ from trexton.flights.jumps import jump_doubts
 from trexton.flights.motion import followed_rows, motion_doubts, seen_motion, turns
 from trexton.flights.tracking import SET_BACK, Doubt, count_of, lost_rows, tracking_doubts
 from trexton.vision.camera import wrapped
+from trexton.vision.threads import ahead
 from trexton.vision.time_offset import small, time_offset
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
@@ -28,6 +29,7 @@ _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("millisecon
 LONGEST_GAP = 1800.0  # seconds between frames of one flight; clocks may be an hour apart
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO, FLOOR_RATIO = 5.0, 20.0  # heights, and the floor's picture, by the diagonal
+OFFSET_FRAMES, KEPT = 400, 1000  # frames whose turning is measured; that are kept to look at
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
 TURNED, MAX_TILT = 0.5, 0.35  # radians: of yaw, to know axes by; half of a flight is more level
 
@@ -42,9 +44,9 @@ def _scaled(factor: float | np.ndarray, *columns: str) -> Callable[[Flight], Fli
     return mend
 
 
-def warnings(flight: Flight, looked_at: Mapping[int, np.ndarray] | None = None) -> list[Doubt]:
-    """What the checks say, in their order; `small` images by row spare a look at these."""
-    motion = partial(_motion, looked_at=looked_at or {})
+def warnings(flight: Flight, pictures: Mapping[int, np.ndarray] | None = None) -> list[Doubt]:
+    """What the checks say, in their order; `small` pictures by row spare a look at these."""
+    motion = partial(_motion, pictures=pictures or {})
     places = (_outside, tracking_doubts, _speed, _heights)
     views: tuple[Callable[[Flight], Iterator[str]], ...] = (_angles, _view, motion, _extent)
     others = (jump_doubts, _stamps, _splits, _floor, _features)
@@ -184,25 +186,26 @@ def _view(flight: Flight) -> Iterator[str]:
     )
 
 
-def _motion(flight: Flight, looked_at: Mapping[int, np.ndarray]) -> Iterator[str]:
+def _motion(flight: Flight, pictures: Mapping[int, np.ndarray]) -> Iterator[str]:
     """Pictures that move or turn otherwise than the positions and the yaw beside them."""
-    if not flight.has_images or flight.attitude is None and not flight.located.any():
+
+    def picture(row: int) -> np.ndarray:
+        return pictures[row] if row in pictures else small(flight.image(row))
+
+    if not flight.has_images:
         return
-    rows = followed_rows(flight)
-    part, spared = flight.select(rows), looked_at.keys() >= set(rows)
+    yaw = np.full(len(flight), np.nan) if flight.attitude is None else flight.attitude[:, 2]
+    moving, turning = followed_rows(flight), np.flatnonzero(np.isfinite(yaw))[:OFFSET_FRAMES]
     try:
-        images = (looked_at[row] for row in rows) if spared else map(small, part.images())
-        seen = seen_motion(images)
+        moved, turned = (seen_motion(ahead(picture, rows)) for rows in (moving, turning))
     except TrextonError:
         return  # said already
-    if not any(sure for *_, sure in lost_rows(flight.time, flight.position)):
-        yield from motion_doubts(flight, rows, seen)
-    if part.attitude is None:
-        return
-    turned, known = turns(seen), np.isfinite(yaw := part.attitude[:, 2])
-    if len(set(yaw[known])) == 1 and np.abs(np.nancumsum(turned)).max(initial=0) > TURNED:
+    if len(moving) and not any(sure for *_, sure in lost_rows(flight.time, flight.position)):
+        yield from motion_doubts(flight, moving, moved)
+    time, yaw = flight.time[turning], yaw[turning]
+    if len(set(yaw)) == 1 and np.abs(np.nancumsum(turns(turned))).max(initial=0) > TURNED:
         yield "the pictures turn, the yaw never changes: was it recorded? leave the attitude out"
-    found = time_offset(part.time, turned, part.time[known], yaw[known])
+    found = time_offset(time, turns(turned), time, yaw)
     if found is None or not found.sure:
         return
     if found.mirrored:

@@ -77,10 +77,10 @@ def read(source: Path, settings: Settings) -> Recording:
         stamped.append(message[:2])
         try:
             decoded(message)
-        except FlightError as error:
-            damaged[number] = error
+        except (FlightError, cv2.error) as error:
+            damaged[number] = str(error)
     if 2 * len(damaged) > len(stamped):
-        raise next(iter(damaged.values()))
+        raise FlightError(next(iter(damaged.values())))
     whole = np.setdiff1d(np.arange(len(stamped)), [*damaged])
     shot = np.array(stamped, dtype=np.int64).reshape(-1, 2)[whole]
     rows = [(*stamps, _pose(message)) for *stamps, message in bag.messages(poses)]
