@@ -15,7 +15,7 @@ from trexton.flights.check import check_flight
 from trexton.flights.flight import Flight, area_around
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importing import import_flight
-from trexton.flights.motion import MOST, followed_rows, motion_doubts, seen_motion
+from trexton.flights.motion import MOST, followed_rows, motion_doubts, repeats, seen_motion
 from trexton.flights.plausibility import warnings
 from trexton.vision.camera import Camera
 
@@ -180,14 +180,20 @@ def test_the_check_names_pictures_that_are_mirrored(tmp_path, mirrored):
     assert "is x exchanged" not in "\n".join(warnings(replace(brought, position=lost)))
 
 
-def test_nothing_is_said_over_tiles_of_which_one_looks_like_the_next():
-    flight, _ = flown(0)
+def test_nothing_is_said_over_tiles_of_which_one_looks_like_the_next(tmp_path):
+    flight, pictures = flown(0)
     tile = np.random.default_rng(1).integers(0, 256, (6, 8), np.uint8)
     tiles = np.tile(cv2.resize(tile, (24, 18), interpolation=cv2.INTER_CUBIC), (5, 16))
-    tiled = seen_motion([tiles[:72, 2 * row : 2 * row + 96] for row in range(len(flight))])
-    repeated = *motion(0)[:3], tiled[3]
-    assert said(exchanged(flight), motion(0)) != []
-    assert said(exchanged(flight), repeated) == []
+    tiled = [tiles[:72, 2 * row : 2 * row + 96] for row in range(len(flight))]
+    assert np.mean([*map(repeats, tiled)]) > 0.9 and not np.any([*map(repeats, pictures)])
+    still = np.column_stack([flight.position[:, 1], 0 * flight.time])  # they move along x
+    for kind, seen in (("tiles", tiled), ("floor", pictures)):
+        (tmp_path / kind).mkdir()
+        brought, _ = import_flight(table(tmp_path / kind, still, seen), tmp_path / f"{kind}-flight")
+        doubted = [each for each in warnings(brought) if "the pictures" in each]
+        assert bool(doubted) == (kind == "floor")
+        doubts = motion_doubts(brought, np.arange(len(brought)), seen_motion(seen))
+        assert list(doubts) or kind == "floor"
 
 
 def test_a_yaw_is_judged_where_the_vehicle_turned_on_the_spot(tmp_path):

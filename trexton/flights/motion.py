@@ -22,9 +22,7 @@ UNLIKE = "the pictures do not move as the positions do: {}? import again"
 
 
 def followed_rows(flight: Flight) -> np.ndarray:
-    """``(N,)`` rows in sequence, up to `MOST`, over which the vehicle moves most, if known."""
-    if not flight.located.any():
-        return np.arange(0)
+    """``(N,)`` rows in sequence, up to `MOST`, over which the vehicle moves most."""
     moved = np.nan_to_num(np.hypot(*np.diff(flight.position, axis=0, append=np.nan).T))
     first = np.convolve(moved, np.ones(min(MOST, len(moved))), "valid").argmax()
     return np.arange(len(moved))[first : first + MOST]
@@ -33,10 +31,10 @@ def followed_rows(flight: Flight) -> np.ndarray:
 def seen_motion(frames: Iterable[np.ndarray]) -> tuple[np.ndarray, ...]:
     """``(N,)`` each of ``(N, H, W) uint8`` luma frames: numbers that change where two in sequence
     have little in common; complex, where their middle is, to the right and ahead in the first, in
-    its widths; complex views, turned anticlockwise, as large as the width; how much one repeats.
+    its widths; complex views, turned anticlockwise, as large as the width.
     """
     piece, way, view = 0, 0j, 1 + 0j
-    rows = [(piece, way, view, 0.0)]
+    rows = [(piece, way, view)]
     for before, frame in pairwise(frames):
         matrix, agreed = followed(before, frame, CORNERS) or (STILL, 0.0)
         if agreed < AGREE or np.hypot(*matrix[:, 0]) < AGREE:
@@ -45,34 +43,34 @@ def seen_motion(frames: Iterable[np.ndarray]) -> tuple[np.ndarray, ...]:
         middle = complex(frame.shape[1] - 1, frame.shape[0] - 1) / 2
         way += view * np.conj((middle - shift) / scale - middle) / frame.shape[1]
         view /= np.conj(scale)
-        rows.append((piece, way, view, _repeated(frame)))
+        rows.append((piece, way, view))
     return tuple(map(np.array, zip(*rows, strict=True)))
 
 
 def turns(seen: tuple[np.ndarray, ...]) -> np.ndarray:
     """``(N,)`` radians, anticlockwise, by which the camera turned before each frame of a
     `seen_motion`; NaN for the first, and where two have little in common."""
-    piece, _, view, _ = seen
+    piece, _, view = seen
     turned = np.angle(view[1:] / view[:-1])
     return np.append(np.nan, np.where(np.diff(piece) == 0, turned, np.nan))
 
 
-def _repeated(frame: np.ndarray) -> float:
-    """The correlation of the middle of a frame with what is most like it elsewhere, as a tile."""
+def repeats(frame: np.ndarray) -> bool:
+    """Whether the middle of a luma frame is elsewhere in it too, as a tile is."""
     top, left = frame.shape[0] // 3, frame.shape[1] // 3
     middle = frame[top : 2 * top + 1, left : 2 * left + 1]
     like = cv2.matchTemplate(frame, middle, cv2.TM_CCOEFF_NORMED)
     like[max(0, top - NEAR) : top + NEAR + 1, max(0, left - NEAR) : left + NEAR + 1] = 0
-    return float(like.max())
+    return bool(like.max() > ALIKE)
 
 
 def motion_doubts(flight: Flight, rows: np.ndarray, seen: tuple[np.ndarray, ...]) -> Iterator[str]:
     """What the `seen_motion` of rows of a flight contradicts of its positions, yaws and heights."""
-    piece, way, view, repeated = seen
+    piece, way, view = seen
     run = (piece == np.bincount(piece).argmax()) & flight.located[rows]
     way, view, rows = way[run], view[run], rows[run]
-    if len(rows) < RUN or way.std() < FAR * abs(view[0]) or np.median(repeated) > ALIKE:
-        return  # too little, or one tile is taken for the next
+    if len(rows) < RUN or way.std() < FAR * abs(view[0]):
+        return  # too little
     place = flight.position @ (1, 1j)
 
     def fit(late: float = 0.0, there: np.ndarray = place) -> tuple[float, complex]:

@@ -1,9 +1,10 @@
 """Plausibility checks of a flight that can be read; `warnings` runs all of them, and each gives a
 `Doubt` for what is probably not as meant, with what to do about it."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,9 @@ from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.importers import axes
 from trexton.flights.jumps import jump_doubts
-from trexton.flights.motion import followed_rows, motion_doubts, seen_motion, turns
+from trexton.flights.motion import followed_rows, motion_doubts, repeats, seen_motion, turns
 from trexton.flights.tracking import SET_BACK, Doubt, count_of, lost_rows, tracking_doubts
 from trexton.vision.camera import wrapped
-from trexton.vision.threads import ahead
 from trexton.vision.time_offset import small, time_offset
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
@@ -44,9 +44,9 @@ def _scaled(factor: float | np.ndarray, *columns: str) -> Callable[[Flight], Fli
     return mend
 
 
-def warnings(flight: Flight, pictures: Mapping[int, np.ndarray] | None = None) -> list[Doubt]:
-    """What the checks say, in their order; `small` pictures by row spare a look at these."""
-    motion = partial(_motion, pictures=pictures or {})
+def warnings(flight: Flight, first: Sequence[np.ndarray] = ()) -> list[Doubt]:
+    """What the checks say, in their order; `small` images of the `first` frames spare a look."""
+    motion = partial(_motion, first=first)
     places = (_outside, tracking_doubts, _speed, _heights)
     views: tuple[Callable[[Flight], Iterator[str]], ...] = (_angles, _view, motion, _extent)
     others = (jump_doubts, _stamps, _splits, _floor, _features)
@@ -186,26 +186,27 @@ def _view(flight: Flight) -> Iterator[str]:
     )
 
 
-def _motion(flight: Flight, pictures: Mapping[int, np.ndarray]) -> Iterator[str]:
+def _motion(flight: Flight, first: Sequence[np.ndarray] = ()) -> Iterator[str]:
     """Pictures that move or turn otherwise than the positions and the yaw beside them."""
-
-    def picture(row: int) -> np.ndarray:
-        return pictures[row] if row in pictures else small(flight.image(row))
-
-    if not flight.has_images:
-        return
     yaw = np.full(len(flight), np.nan) if flight.attitude is None else flight.attitude[:, 2]
-    moving, turning = followed_rows(flight), np.flatnonzero(np.isfinite(yaw))[:OFFSET_FRAMES]
+    moving = followed_rows(flight) if flight.located.any() else np.arange(0)
+    rows = np.union1d(moving, np.flatnonzero(np.isfinite(yaw))[:OFFSET_FRAMES])
     try:
-        moved, turned = (seen_motion(ahead(picture, rows)) for rows in (moving, turning))
+        seen = len(first) > rows.max(initial=-1)
+        images = (first[row] for row in rows) if seen else map(small, flight.select(rows).images())
+        pictures = list(images)
     except TrextonError:
-        return  # said already
+        return  # no images, or said already
+    motion, part = seen_motion(pictures), np.isin(rows, moving)
     if len(moving) and not any(sure for *_, sure in lost_rows(flight.time, flight.position)):
-        yield from motion_doubts(flight, moving, moved)
-    time, yaw = flight.time[turning], yaw[turning]
-    if len(set(yaw)) == 1 and np.abs(np.nancumsum(turns(turned))).max(initial=0) > TURNED:
+        doubts = list(motion_doubts(flight, moving, tuple(each[part] for each in motion)))
+        # Over tiles one is taken for the next.
+        if doubts and np.mean([repeats(each) for each in compress(pictures, part)]) <= 0.5:
+            yield from doubts
+    turned, time, known = turns(motion), flight.time[rows], np.isfinite(yaw[rows])
+    if len(set(yaw[rows][known])) == 1 and np.abs(np.nancumsum(turned)).max() > TURNED:
         yield "the pictures turn, the yaw never changes: was it recorded? leave the attitude out"
-    found = time_offset(time, turns(turned), time, yaw)
+    found = time_offset(time, turned, time[known], yaw[rows][known])
     if found is None or not found.sure:
         return
     if found.mirrored:

@@ -22,7 +22,7 @@ from trexton.base.options import Options, option
 from trexton.base.pictures import MOST_PIXELS, damage, decode
 from trexton.flights.frames import Forward
 from trexton.flights.importers.axes import axes_option
-from trexton.flights.importers.recording import NANO, PoseTrack, Recording, reading
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, reading, unreadable
 from trexton.flights.importers.tracks import pose_track
 
 MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacked
@@ -72,25 +72,21 @@ def read(source: Path, settings: Settings) -> Recording:
     bag = _Bag(source)
     images, poses = bag.topic(IMAGES, settings.image), bag.topic(tuple(POSES), settings.pose)
     decoded = partial(_decoded, f"{bag.source}: an image of {images}")
-    stamped, damaged = [], {}
+    whole, damaged = [], []
     for number, message in enumerate(bag.messages(images)):
-        stamped.append(message[:2])
         try:
             decoded(message)
+            whole.append((number, *message[:2]))
         except (FlightError, cv2.error) as error:
-            damaged[number] = str(error)
-    if 2 * len(damaged) > len(stamped):
-        raise FlightError(next(iter(damaged.values())))
-    whole = np.setdiff1d(np.arange(len(stamped)), [*damaged])
-    shot = np.array(stamped, dtype=np.int64).reshape(-1, 2)[whole]
+            damaged.append(f"message {number + 1}: {error}")
+    if len(damaged) > len(whole):
+        raise FlightError(damaged[0])
+    numbers, *shot = np.array(whole, dtype=np.int64).reshape(-1, 3).T
     rows = [(*stamps, _pose(message)) for *stamps, message in bag.messages(poses)]
     posed = np.array([stamps for *stamps, _ in rows], dtype=np.int64).reshape(-1, 2)
     values = np.array([pose for *_, pose in rows], dtype=float).reshape(-1, 7)
-    said = [f"images from {images}, positions from {poses}"]
-    for number, why in [*damaged.items()][:1]:
-        left_out = f"images that cannot be read, left out: {len(damaged)}"
-        said.append(f"{left_out} (first: message {number + 1}: {why})")
-    stamps = shot[:, 0], posed[:, 0]  # none are where they are zero, or mostly those of others
+    said = [f"images from {images}, positions from {poses}", *unreadable(damaged)]
+    stamps = shot[0], posed[:, 0]  # none are where they are zero, or mostly those of others
     clock = int(any(not each.all() or 2 * len(np.unique(each)) < len(each) for each in stamps))
     if clock:
         said.append(f"{source}: headers without a stamp: messages are taken at the bag's own times")
@@ -98,9 +94,9 @@ def read(source: Path, settings: Settings) -> Recording:
     track, taken = pose_track(
         PoseTrack(posed[:, clock], values[:, :3]), values[:, 3:], settings.axes, where, lines
     )
-    frames = Forward(bag.source, whole, partial(bag.messages, images), decoded)
+    frames = Forward(bag.source, numbers, partial(bag.messages, images), decoded)
     name = f"bag {source.name}: {images}, {poses}"
-    return Recording(shot[:, clock], track, frames, source=name, said=said + taken)
+    return Recording(shot[clock], track, frames, source=name, said=said + taken)
 
 
 class _Bag:

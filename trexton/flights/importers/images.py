@@ -10,7 +10,7 @@ import numpy as np
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.progress import progress
 from trexton.flights.frames import Forward, ImageFiles
-from trexton.flights.importers.recording import Recording
+from trexton.flights.importers.recording import Recording, unreadable
 from trexton.vision.calibration import read_calibration
 from trexton.vision.camera import Rectification
 from trexton.vision.images import bgr_from_yuv, size_of
@@ -35,8 +35,7 @@ def of_one_size(recording: Recording) -> Recording:
     width, height = usual = max(set(sizes), key=lambda size: (sizes.count(size), size))
     if damaged and (usual == _UNREADABLE or sizes.count(usual) < FEWEST_WHOLE):
         raise damaged[0]
-    cut = f"images that cannot be read, left out: {len(damaged)} (first: "
-    said = [f"{cut}{error})" for error in damaged[:1]]
+    said = unreadable(damaged)
     if others := [row for row, size in enumerate(sizes) if size not in (usual, _UNREADABLE)]:
         left = f"{len(others)} (first: {frames.files[others[0]].name})"
         said.append(f"images of another size than {width}x{height}, left out: {left}")

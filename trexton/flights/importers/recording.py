@@ -179,6 +179,12 @@ def reading(path: Path, kind: str, advice: str) -> Iterator[None]:
         raise FlightError(f"{path}: not a readable {kind} ({said}): {advice}") from None
 
 
+def unreadable(images: Sequence[object]) -> list[str]:
+    """A sentence on images that are left out, by what is wrong with each; none without any."""
+    cut = f"images that cannot be read, left out: {len(images)}"
+    return [f"{cut} (first: {images[0]})"] if images else []
+
+
 def nanoseconds(seconds: np.ndarray) -> np.ndarray:
     """``(N,)`` stamps of seconds, to the nearest nanosecond."""
     return np.rint(seconds * NANO).astype(np.int64)
