@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from painted_once import painted_once
 
+from trexton.base import plugins
 from trexton.base.progress import set_quiet
 from trexton.base.records import Record
 from trexton.flights.flight import Flight
@@ -102,6 +104,28 @@ def _audible():
     """Commands run in this process with --quiet silence only their own test."""
     yield
     set_quiet(False)
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """Installs a module, as pip would, by what it is found by: a line of ``entry_points.txt``."""
+    names = []
+
+    def install(name: str, source: str, group: str, entry: str) -> Path:
+        (tmp_path / f"{name}.py").write_text(source)
+        info = tmp_path / f"{name}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[trexton.{group}]\n{entry}\n")
+        monkeypatch.syspath_prepend(str(tmp_path))
+        plugins._installed.cache_clear()
+        names.append(name)
+        return tmp_path
+
+    yield install
+    plugins._installed.cache_clear()
+    for name in names:
+        sys.modules.pop(name, None)
 
 
 @pytest.fixture

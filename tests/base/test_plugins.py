@@ -29,30 +29,21 @@ TABLE = {"here": "trexton.base.errors:MapError"}
 
 
 @pytest.fixture
-def installed(tmp_path, monkeypatch):
-    """A package with a motion model, as pip would install it."""
-    (tmp_path / "brisk_walks.py").write_text(SOURCE)
-    info = tmp_path / "brisk_walks-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: brisk-walks\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[trexton.motion]\nbrisk = brisk_walks:Brisk\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    plugins._installed.cache_clear()
-    yield tmp_path
-    plugins._installed.cache_clear()
-    sys.modules.pop("brisk_walks", None)
+def brisk(installed):
+    """A package with a motion model, and its folder."""
+    return installed("brisk_walks", SOURCE, "motion", "brisk = brisk_walks:Brisk")
 
 
-def test_an_installed_part_has_a_name_like_those_of_the_library(installed):
+def test_an_installed_part_has_a_name_like_those_of_the_library(brisk):
     part = make("motion", "brisk", times="2")
     assert part.times == 2.0 and name_of("motion", part) == "brisk"
     with pytest.raises(ParameterError, match="random-walk, singer, brisk"):
         make("motion", "sluggish")
 
 
-def test_a_map_flies_after_its_module_was_named(installed, tmp_path, monkeypatch):
+def test_a_map_flies_after_its_module_was_named(brisk, tmp_path, monkeypatch):
 
-    (installed / "own_walks.py").write_text(SOURCE)
+    (brisk / "own_walks.py").write_text(SOURCE)
     flight = histogram_flight("hall", frames=40)
     texton_map = train_map(flight, rng=np.random.default_rng(1), motion="own_walks:Brisk")
     path = save_map(texton_map, tmp_path / "map.npz")

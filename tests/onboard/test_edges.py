@@ -11,7 +11,6 @@ import pytest
 from conftest import ROOT
 from onboard_tools import make_fix, surroundings
 
-from trexton.base import plugins
 from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
 from trexton.cli.main import build_parser
@@ -56,21 +55,6 @@ def plain(tmp_path, monkeypatch):
     sys.modules.pop("plain_sink", None)
 
 
-@pytest.fixture
-def installed(tmp_path, monkeypatch):
-    """The same of a package, as pip would install it."""
-    (tmp_path / "plain_sink.py").write_text(STRANGER)
-    info = tmp_path / "plain_sink-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: plain-sink\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[trexton.sinks]\nplain = plain_sink:Plain\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    plugins._installed.cache_clear()
-    yield
-    plugins._installed.cache_clear()
-    sys.modules.pop("plain_sink", None)
-
-
 def onboard_page(tmp_path):
     """The page of the book, with its tables."""
     names = context(tmp_path, {}, lambda page, words: words)
@@ -105,6 +89,7 @@ def test_a_strangers_sink_in_one_file_of_forty_lines(plain, tmp_path):
 
 
 def test_an_installed_sink_is_asked_for_where_words_are_not_of_the_library(installed, capsys):
+    installed("plain_sink", STRANGER, "sinks", "plain = plain_sink:Plain")
     words = ["onboard", "map.npz", "--output", "csv:out", "--rate", "5", "-q"]
     assert arguments_of(words).output == ["csv:out"] and "plain_sink" not in sys.modules
     for more in (["--output=plain:out"], ["--plain-unit", "cm"], ["--plain-un=cm"]):
