@@ -15,6 +15,7 @@ import sys
 import tempfile
 import threading
 import time
+from itertools import cycle, islice
 from pathlib import Path
 
 import cv2
@@ -23,9 +24,9 @@ from dask_tools import Cluster
 
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.sweep import SweepPlan, sweep
+from trexton.simulator.floor import LAYOUTS
 from trexton.simulator.recording import record_flight
 
-LAYOUTS = ("hall", "few", "moved", "repeats", "carpet")
 SUITE = (*"-m pytest -n 3 --dist loadfile --no-loadscope-reorder -m".split(), "not slow")
 COMMANDS = {"suite": SUITE, "book": ("-m", "trexton", "book")}
 
@@ -60,7 +61,8 @@ class Pinned(Cluster):
 
     def _start_worker(self) -> None:
         here = os.sched_getaffinity(0)
-        os.sched_setaffinity(0, {sorted(here)[len(self.processes) % len(here)]})
+        free = sorted(here)[self.alive % len(here)]  # that of one that was killed, too
+        os.sched_setaffinity(0, {free})
         try:
             super()._start_worker()  # which inherits it
         finally:
@@ -70,7 +72,8 @@ class Pinned(Cluster):
 def swept(folder: Path, floors: int, workers: int) -> float:
     """Seconds of a sweep of so many floors; of two workers one is killed where half is done."""
     folder.mkdir()
-    layouts = [f"{LAYOUTS[each % len(LAYOUTS)]}:{4000 + each}" for each in range(floors)]
+    names = islice(cycle(LAYOUTS), floors)
+    layouts = [f"{name}:{4000 + number}" for number, name in enumerate(names)]
     settings = {"floors": layouts, "frames": [300], "test_frames": [100]}
     pair = FlightPair(str(folder.parent / "survey"), str(folder.parent / "test"))
     with Pinned(folder, workers) as cluster:
