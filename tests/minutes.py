@@ -24,6 +24,7 @@ from dask_tools import Cluster
 
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.sweep import SweepPlan, sweep
+from trexton.companion.executor import environment
 from trexton.simulator.floor import LAYOUTS
 from trexton.simulator.recording import record_flight
 
@@ -47,10 +48,10 @@ def from_nothing(words: tuple[str, ...], folder: Path) -> tuple[float, float]:
     subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
     own = {"PYTHONPATH": str(clone), "TREXTON_CACHE": str(folder / "cache")}
     own |= dict.fromkeys(("OMP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")
-    environment = os.environ | own
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # else each process compiles all sources
+    variables = os.environ | own
+    variables.pop("PYTHONDONTWRITEBYTECODE", None)  # else each process compiles all sources
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    subprocess.run([sys.executable, *words], cwd=clone, env=environment, check=True)
+    subprocess.run([sys.executable, *words], cwd=clone, env=variables, check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return time.monotonic() - began, used
@@ -76,7 +77,8 @@ def swept(folder: Path, floors: int, workers: int) -> float:
     layouts = [f"{name}:{4000 + number}" for number, name in enumerate(names)]
     settings = {"floors": layouts, "frames": [300], "test_frames": [100]}
     pair = FlightPair(str(folder.parent / "survey"), str(folder.parent / "test"))
-    with Pinned(folder, workers) as cluster:
+    own = environment({"TREXTON_CACHE": str(folder / "cache")})  # the sweep before warms none
+    with own, Pinned(folder, workers) as cluster:
         done = threading.Thread(target=_replace_one, args=(cluster, folder, floors), daemon=True)
         if workers > 1:
             done.start()
