@@ -1,11 +1,10 @@
 """The ledger as a reader sees it, and the paper item by item, its numbers beside ours.
 
-Offers tables and controls of the ledger as HTML, plain without scripts (how they look is in
-``ledger.html``), and the map of the paper as Markdown.
+Offers tables and controls of the ledger as HTML, plain without scripts, and the map of the paper as
+Markdown; how they look is in ``ledger.html``.
 """
 
 from collections.abc import Callable
-from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,14 +16,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.files import read_toml
 from trexton.base.records import Record
 from trexton.companion import claims
-from trexton.companion.claims.ledger import (
-    Claim,
-    Finding,
-    Rows,
-    count_verdicts,
-    judge_all,
-    load_claims,
-)
+from trexton.companion.claims.ledger import Rows, count_verdicts, judge_all, load_claims
 from trexton.companion.claims.rules import VERDICTS
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
@@ -97,38 +89,11 @@ def map_table(records: dict[str, dict[str, Record]], see: Callable[[str, str], s
     see : callable
         ``see(name, text)``: a link to a page or an experiment, or plain text where there is none.
     """
-    flights = sorted(records)
     rows = {claim.id: (claim, findings) for claim, findings in judge_all(records)}
-    lines = [["In the paper", "Here", "Printed", *map(flight_title, flights)]]
-    lines.append(["---"] * len(lines[0]))
+    lines = []
     for item in load_map():
-        own = [rows[name] for name in item.claims]
-        named = len(own) > 1
-        printed = [
-            _valued(claim, number(claim.printed_value), named)
-            for claim, _ in own
-            if claim.printed_value is not None
-        ]
         prose = shipped("book") / f"{item.page}.md"
         known = EXPERIMENTS.get(item.page)
         page = known.title if known else prose.read_text("utf-8").partition("\n")[0][2:]
-        line = [item.name, see(item.page, page), "; ".join(printed)]
-        for index in range(len(flights)):
-            line.append("<br>".join(_judged(claim, found[index], named) for claim, found in own))
-        lines.append(line)
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _valued(claim: Claim, value: str, named: bool) -> str:
-    """A number with its unit; beside others its name too, and its words to be pointed at."""
-    words = claim.label or claim.measure or claim.text
-    if words.startswith("the same"):  # of an item that says as what
-        words = claim.text.rpartition(", ")[2]
-    name = f'<abbr title="{escape(claim.text)}">{escape(words)}</abbr> ' if named else ""
-    return f"{name}{value} {claim.unit}".strip()
-
-
-def _judged(claim: Claim, finding: Finding, named: bool) -> str:
-    badge = f'<span class="verdict {finding.verdict.replace(" ", "-")}">{finding.verdict}</span>'
-    values = [number(each.value) for each in (finding.ours, finding.other) if each]
-    return f"{_valued(claim, ' against '.join(values), named)} {badge}" if values else badge
+        lines.append((item.name, see(item.page, page), [rows[name] for name in item.claims]))
+    return _html("paper", lines, list(map(flight_title, sorted(records))))
