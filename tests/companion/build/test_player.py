@@ -135,10 +135,10 @@ def test_the_page_is_one_file(texton_map):
 
 
 def test_a_flight_called_as_a_place_of_the_page_is_text(texton_map):
-    recording = record_replay({"@SCRIPT@": localizer(texton_map)}, small_flight())
-    page = player_html(recording, "@DATA@ @STYLE@")
-    assert "<title>@DATA@ @STYLE@" in page
-    assert list(embedded(page)["frames"][0]["estimates_cm"])[0] == "@SCRIPT@"
+    recording = record_replay({"{{ script }}": localizer(texton_map)}, small_flight())
+    page = player_html(recording, "{{ data }} {{ style }}")
+    assert "<title>{{ data }} {{ style }}" in page
+    assert list(embedded(page)["frames"][0]["estimates_cm"])[0] == "{{ script }}"
 
 
 def test_the_player_has_the_colours_of_the_figures():

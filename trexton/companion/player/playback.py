@@ -5,15 +5,14 @@ Offers `replay` of an experiment, `record_replay` of any localizers, and the pag
 
 import base64
 import json
-import re
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field
-from html import escape
 from importlib.resources import files
 from typing import Any
 
 import cv2
+import jinja2
 import numpy as np
 
 from trexton.base.errors import MapError
@@ -204,12 +203,8 @@ def player_html(recording: PlayedFlight, title: str = "") -> str:
     the flight's name.
     """
     data = json.dumps(asdict(recording), separators=(",", ":")).replace("<", "\\u003c")
-    pieces = {
-        "TITLE": escape(title or recording.flight),
-        "STYLE": (files(player) / "player.css").read_text(encoding="utf-8"),
-        "DATA": data,
-        "SCRIPT": (files(player) / "player.js").read_text(encoding="utf-8"),
-    }
-    page = (files(player) / "player.html").read_text(encoding="utf-8")
-    # In one go: a flight may be called @DATA@.
-    return re.sub(f"@({'|'.join(pieces)})@", lambda place: pieces[place[1]], page)
+    style, script, page = (
+        (files(player) / f"player.{kind}").read_text("utf-8") for kind in ("css", "js", "html")
+    )
+    template = jinja2.Environment(autoescape=True, keep_trailing_newline=True).from_string(page)
+    return template.render(title=title or recording.flight, style=style, data=data, script=script)
