@@ -35,7 +35,7 @@ def to_svg(figure: Figure, **options: Any) -> bytes:
     with matplotlib.rc_context({"svg.hashsalt": "trexton", "image.composite_image": False}):
         figure.savefig(stream, format="svg", metadata={"Date": None}, **options)
     text = _HIDDEN.sub('display="none" ', stream.getvalue().decode())
-    return _NUMBER.sub(_rounded, text).encode()
+    return _NUMBER.sub(lambda it: f"{round(float(it[1]), 1):g}" if it[1] else it[0], text).encode()
 
 
 @contextmanager
@@ -50,10 +50,6 @@ def layer(figure: Figure, step: int, shown: bool) -> Iterator[None]:
 
 def _drawn(figure: Figure) -> list[Artist]:
     return [artist for axes in figure.axes for artist in axes.get_children()]
-
-
-def _rounded(found: re.Match[str]) -> str:
-    return f"{float(found[1]):.1f}".rstrip("0").rstrip(".") if found[1] else found[0]
 
 
 def for_phones(figure: Figure) -> bytes | None:
