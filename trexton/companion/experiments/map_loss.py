@@ -61,8 +61,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     half, double = (local_losses(histograms, positions, factor * sigma) for factor in (0.5, 2))
     rng = stream(parameters.seed, "parts")
     prediction = {"correlation": rank_correlation(losses, errors, rng=rng)}
-    options = {"samples": parameters.samples, "particles": parameters.particles}
-    prediction |= _in_flight(texton_map, test, losses, sigma, options, parameters.seed)
+    prediction |= _in_flight(texton_map, test, losses, sigma, parameters)
     floor, pictures = floor_picture(train)
     return parameters.record(
         train,
@@ -110,21 +109,18 @@ def _similarity(histograms: np.ndarray, positions: np.ndarray, seed: int) -> dic
 
 
 def _in_flight(
-    texton_map: TextonMap,
-    test: Flight,
-    losses: np.ndarray,
-    sigma: float,
-    options: dict[str, Any],
-    seed: int,
+    texton_map: TextonMap, test: Flight, losses: np.ndarray, sigma: float, parameters: Parameters
 ) -> dict[str, Any]:
     """Correlations of another flight: the smoothed loss of each place, its errors."""
     expected = smooth(losses, texton_map.positions, test.position, sigma)
-    track = fly(Localizer(texton_map, rng=stream(seed, "flight"), **options), frames_of(test))
+    options = {"samples": parameters.samples, "particles": parameters.particles}
+    rng = stream(parameters.seed, "flight")
+    track = fly(Localizer(texton_map, rng=rng, **options), frames_of(test))
     errors = {
         "test_knn": euclidean(track.knn, test.position),
         "test_filter": track.errors(test.position),
     }
-    rng = stream(seed, "unseen")
+    rng = stream(parameters.seed, "unseen")
     return {name: rank_correlation(expected, wrong, rng=rng) for name, wrong in errors.items()}
 
 
