@@ -9,7 +9,7 @@ multiple proprioceptive and exteroceptive sensors", 2014, by their turns). No ma
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trexton.vision.visual_odometry import FEWEST, shrink
 
@@ -115,9 +115,7 @@ def time_offset(
     return TimeOffset(float(offsets[best]), max(sigma, STEP_S / 2), float(correlation[best]))
 
 
-def _smoothed(
-    time: NDArray[np.float64], values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _smoothed(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Every `STEP_S`, the mean of `SMOOTHED_S` around."""
     width = round(SMOOTHED_S / STEP_S) + 1
     grid = np.arange(time[0], time[-1], STEP_S)
