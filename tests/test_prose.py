@@ -17,7 +17,8 @@ import yaml
 from conftest import ROOT
 
 import trexton
-from trexton.cli.main import build_parser, verbs
+from trexton.base.plugins import addresses
+from trexton.cli.main import COMMANDS, build_parser
 from trexton.companion.experiments.homography import HomographyLocalizer
 from trexton.companion.experiments.registry import EXPERIMENTS, LEDGER
 from trexton.companion.experiments.similarity import heat_map, local_losses
@@ -155,7 +156,7 @@ COMMAND_LINES = sorted({line for page in PAGES for line in commands(page)})
 @pytest.mark.parametrize("line", COMMAND_LINES)
 def test_commands_are_ones_that_the_program_takes(line, capsys):
     words = shlex.split(line)[1:]
-    assert words[0] in verbs() or words[0].startswith("-"), line
+    assert words[0] in addresses("commands", COMMANDS) or words[0].startswith("-"), line
     if words[1:] or words[0] in ("book", "bench"):
         try:
             build_parser(words[0]).parse_args(words)

@@ -11,11 +11,13 @@ import sys
 import pytest
 
 from trexton import __version__
-from trexton.base.plugins import resolve
+from trexton.base.plugins import addresses, resolve
 from trexton.cli import main as cli
 
+VERBS = addresses("commands", cli.COMMANDS)
 
-@pytest.mark.parametrize("name", sorted(cli.verbs()))
+
+@pytest.mark.parametrize("name", sorted(VERBS))
 def test_every_command_has_help_and_does_what_the_table_says(name, capsys):
     with pytest.raises(SystemExit) as stopped:
         cli.main([name, "--help"])
@@ -30,7 +32,7 @@ def test_the_overview_lists_every_command(capsys):
     with pytest.raises(SystemExit):
         cli.main(["--help"])
     text = capsys.readouterr().out
-    assert all(name in text for name in cli.verbs())
+    assert all(name in text for name in VERBS)
 
 
 @pytest.mark.parametrize("words", [[], ["fly-me-home"], ["check"], ["data"], ["run", "x"]])

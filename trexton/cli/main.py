@@ -35,11 +35,6 @@ COMMANDS = {
 }
 
 
-def verbs() -> list[str]:
-    """The names of all verbs, those of installed packages among them."""
-    return list(addresses("commands", COMMANDS))
-
-
 def help_line(module: str) -> str:
     """The first paragraph of a module's docstring after ``trexton VERB``, read without an import:
     so that help stays quick."""
@@ -74,9 +69,8 @@ def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argpar
     parser = _Parser(prog="trexton", description="Texton-based localization of micro air vehicles.")
     parser.add_argument("--version", action="version", version=f"trexton {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name in [chosen] if chosen in COMMANDS else verbs():
-        assert name is not None
-        module = COMMANDS.get(name) or addresses("commands", COMMANDS).get(name, name)
+    own = {chosen: COMMANDS[chosen]} if chosen in COMMANDS else {}
+    for name, module in (own or addresses("commands", COMMANDS)).items():
         said = help_line(module).replace("%", "%%")
         help_of, whole = said.partition(". ")[0].rstrip("."), said[:1].upper() + said[1:]
         command = commands.add_parser(name, help=help_of, description=whole)
