@@ -113,7 +113,7 @@ def _in_flight(
 ) -> dict[str, Any]:
     """Correlations of another flight: the smoothed loss of each place, its errors."""
     expected = smooth(losses, texton_map.positions, test.position, sigma)
-    options = {"samples": parameters.samples, "particles": parameters.particles}
+    options: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
     rng = stream(parameters.seed, "flight")
     track = fly(Localizer(texton_map, rng=rng, **options), frames_of(test))
     errors = {
