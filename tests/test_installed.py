@@ -82,7 +82,8 @@ def test_the_wheel_carries_notebooks_and_numbers_but_no_results(wheel):
 def test_a_recording_is_imported_and_run_in_an_empty_folder(trexton, tmp_path):
     recording(tmp_path / "recording")
     trexton("import", "recording", "--out", "room", "--split", "0.5", folder=tmp_path)
-    words = ["--only", "mocap_training", "--set", "repeats=1", "neighbors=2", "--no-book"]
+    words = ["--only", "mocap_training", "--no-book"]
+    words += ["--set", "repeats=1", "neighbors=2", "particles=9"]
     said = trexton("run", "room", "--out", "mine", *words, folder=tmp_path)
     assert said.startswith("ran     room/mocap_training")
     assert (tmp_path / "mine" / "room" / "mocap_training.json").is_file()
