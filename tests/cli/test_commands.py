@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from dataclasses import replace
@@ -14,7 +15,6 @@ from small_loop import make_flight
 
 import trexton.companion.build.make
 import trexton.companion.build.plan
-import trexton.companion.cli.run  # binds what is stood in for below, before that
 from trexton.base.progress import set_quiet
 from trexton.cli import main as cli
 from trexton.companion.build.display import Display, Outcome
@@ -39,7 +39,7 @@ def asked(monkeypatch):
         seen.update(options, pairs=pairs, out=out)
         return OUTCOMES
 
-    monkeypatch.setattr("trexton.companion.cli.run.run_experiments", stand_in)
+    monkeypatch.setattr("trexton.companion.build.plan.run_experiments", stand_in)
     return seen
 
 
@@ -88,8 +88,9 @@ def test_book_prints_what_it_made_and_found_and_fails_with_an_experiment(monkeyp
     made = Made(Path("book/index.html"), ["the flight is absent"], ["It works."], list(OUTCOMES))
     asked = {}
     monkeypatch.setattr(
-        "trexton.companion.cli.book.make_book", lambda **given: asked.update(given) or made
+        "trexton.companion.build.make.make_book", lambda **given: asked.update(given) or made
     )
+    monkeypatch.setattr("trexton.companion.cli.book.Unchanged.last", lambda _: None)
     assert cli.main(["book", "--set", "repeats=2", "--jobs", "2"]) == 0
     assert asked == {"settings": {"repeats": "2"}, "jobs": 2, "quick": False}
     told = capsys.readouterr().out
@@ -104,8 +105,11 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
     lost = np.isin(np.arange(120), (20, 21, 100))[:, None]
     write_flight(replace(flight, position=flight.position + 50 * lost), tmp_path / "loop")
 
+    ran = []
+
     def stand_in(pairs, out, *, only, settings):
         assert only == ("assessment",)
+        ran.append(pairs)
         train, test = load_pair(pairs[0].flight, None)
         options = assessment.Parameters(methods=settings["assessment.methods"])
         assessment.run(train, test, options).save(out / pairs[0].name)
@@ -123,6 +127,17 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
     assert page.rstrip().endswith("</html>") and "Mend the flight first" in page
     for doubt in ("2 positions lie where none can be flown to", "1 position lies where none can"):
         assert f"warning  loop: {doubt}" in said.out and f"<li>loop: {doubt}" in page
+
+    # Nothing has changed: all is said again and nothing made, until a file is another.
+    assert cli.main([*words, "--out", str(out)]) == 0 and len(ran) == 1
+    before, again = said.out.splitlines(), capsys.readouterr().out.splitlines()
+    assert again[0] == "Nothing has changed since the report was made."
+    assert set(again[1:]) == {line for line in before if not re.match(r"(1 )?ran\b", line)}
+    for path in (out / "report.html", next((tmp_path / "loop").iterdir())):
+        path.write_bytes(path.read_bytes())
+        assert cli.main([*words, "--out", str(out)]) == 0
+    assert len(ran) == 3
+    capsys.readouterr()
 
     failed = [Outcome("loop", "assessment", "failed", ("oops",))]
     monkeypatch.setattr(trexton.companion.build.plan, "run_experiments", lambda *_, **__: failed)

@@ -29,24 +29,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     typed = {word.partition("=")[0] for word in words if word.startswith("-")}
     # What packages are installed takes long to read: for a word that may be of theirs, or for help.
     if not words or not typed <= flags - {"-h", "--help"}:
+        from trexton.base.plugins import addresses
+        from trexton.onboard.sinks import SINKS
+        from trexton.onboard.sources import SOURCES
+
         kinds = _classes(words, installed=True)
-        _say_addresses(parser, output)
+        named = ", ".join(addresses("sinks", SINKS))
+        meaning = f"KIND, KIND:ADDRESS or module:Class:ADDRESS, repeatable; kinds: {named}"
+        output.help = f"{meaning} (default json)"
+        cameras = ", ".join(addresses("sources", SOURCES))
+        parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {cameras}."
     for kind in kinds:
         add_options(parser, kind)
     parser.set_defaults(kinds=kinds)
-
-
-def _say_addresses(parser: argparse.ArgumentParser, output: argparse.Action) -> None:
-    """Name in the help what there is, of installed packages too."""
-    from trexton.base.plugins import addresses
-    from trexton.onboard.sinks import SINKS
-    from trexton.onboard.sources import SOURCES
-
-    kinds = ", ".join(addresses("sinks", SINKS))
-    words = f"KIND, KIND:ADDRESS or module:Class:ADDRESS, repeatable; kinds: {kinds}"
-    output.help = f"{words} (default json)"
-    cameras = ", ".join(addresses("sources", SOURCES))
-    parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {cameras}."
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -8,7 +8,6 @@ from PIL import Image
 
 from trexton.base.errors import TrextonError
 from trexton.base.records import Record
-from trexton.companion.build.make import readme_advice
 from trexton.companion.build.prose import renewed_readme as renewed
 
 
@@ -31,9 +30,6 @@ def test_the_table_of_the_readme_has_the_numbers_of_the_records(tmp_path):
     assert "1/256 m" in new[new.index(paper) - 2]  # beside every number of that flight
     with pytest.raises(TrextonError, match="put them back"):
         renewed("no marks", tmp_path)
-    assert "put them back" in readme_advice("no marks", tmp_path)  # the book stands all the same
-    assert "has other numbers" in readme_advice(text, tmp_path)
-    assert not readme_advice(renewed(text, tmp_path), tmp_path)
 
 
 @pytest.mark.skipif(not (ROOT / "results" / "cyberzoo").is_dir(), reason="no results: make book")

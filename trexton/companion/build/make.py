@@ -21,7 +21,7 @@ from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.notebooks import inputs_of
 from trexton.companion.build.plan import run_experiments, sole_writer
 from trexton.companion.build.postprocessing import finish_book
-from trexton.companion.build.prose import findings, records_by_name, renewed_readme
+from trexton.companion.build.prose import findings, records_by_name
 from trexton.companion.build.sources import Contents, lead_from_old_addresses, put_outputs, stage
 from trexton.flights.folder import read_flight
 from trexton.flights.registry import fetch, registry
@@ -43,12 +43,13 @@ class Prepared:
 
 @dataclass
 class Made:
-    """What `make_book` did, and what was found, as sentences; outcomes; where the book is."""
+    """What `make_book` did and found, as sentences; `whole` if no flight was absent."""
 
     index: Path
     said: list[str] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
     outcomes: list[Outcome] = field(default_factory=list)
+    whole: bool = False
 
     @property
     def failed(self) -> bool:
@@ -86,24 +87,11 @@ def make_book(
         prepared.pairs, results, only=contents.named, settings=settings, jobs=jobs
     )
     contents = replace(contents, outcomes=outcomes)
-    made = Made(html / "index.html", prepared.said, outcomes=outcomes)
+    made = Made(html / "index.html", prepared.said, outcomes=outcomes, whole=not prepared.absent)
     made.said.append(_build(contents, made.index.parent))
     found = findings(results, records_by_name(results, outcomes))
     made.findings += [" ".join(filter(None, (each["text"], each["flight"]))) for each in found]
-    if not quick and not prepared.absent:
-        text = Path("README.md").read_text(encoding="utf-8")
-        made.said += filter(None, [readme_advice(text, results)])
     return made
-
-
-def readme_advice(text: str, results: Path) -> str:
-    """What to do where a README has not the numbers of these results; else nothing."""
-    try:
-        same = renewed_readme(text, results) == text
-    except DataError as error:  # the book stands, whatever the README lacks
-        return str(error)
-    other = "README.md has other numbers than these results"
-    return "" if same else f"{other}: python -m trexton.companion.build.prose renews it"
 
 
 def build_small_book(pairs: list[FlightPair], outcomes: list[Outcome], results: Path) -> Path:

@@ -170,8 +170,10 @@ class Page:
         for label, value in values.items():
             if metres and label.endswith(" (cm)"):
                 label, cell = label.removesuffix(" (cm)"), distance(value, True)
+            elif isinstance(value, Mapping):
+                cell = interval(value)
             else:
-                cell = interval(value) if isinstance(value, Mapping) else _number(value)
+                cell = number(value) if abs(value) >= 100 else f"{value:.3g}"
             table.append({"": label, " ": cell})
         return self.frame(pd.DataFrame(table), caption, name)
 
@@ -217,10 +219,6 @@ def _interval(entry: dict[str, Any] | float | None, scale: float = 1.0) -> str:
     low, high = scale * entry["low"], scale * entry["high"]
     ends = f"[{low:.{digits}f}, {high:.{digits}f}]"
     return f"{value:.{digits}f} <small>{ends}</small>"
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else number(value) if abs(value) >= 100 else f"{value:.3g}"
 
 
 def ledger(out: str) -> tuple[HTML, HTML]:

@@ -2,9 +2,11 @@
 
 import argparse
 import time
+from pathlib import Path
 
 from trexton.base.arguments import assignments
-from trexton.companion.build.make import make_book
+from trexton.base.cache import repository_root
+from trexton.companion.build.unchanged import Unchanged
 from trexton.companion.cli.run import add_run_arguments, print_outcomes
 
 
@@ -15,14 +17,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    started = time.monotonic()
+    started, root = time.monotonic(), repository_root() or Path()
     settings = assignments(arguments.settings, "key=value")
+    html = root / "book" / "_build" / ("quick" if arguments.quick else "html")
+    made_of = (root / "data" / "flights", root / "results", html)
+    before = Unchanged(html.with_name(f".{html.name}.unchanged"), settings, (), made_of)
+    if not arguments.explain and (found := before.last()):
+        print("Nothing has changed since the book was made:", *found, sep="\n")
+        return 0
+    from trexton.companion.build.make import make_book
+
     made = make_book(settings=settings, jobs=arguments.jobs, quick=arguments.quick)
     print_outcomes(made.outcomes, arguments.explain)
     for sentence in made.said:
         print(sentence)
-    seconds = time.monotonic() - started
-    print(f"\nThe book, made in {seconds:.0f} s: open {made.index} in a browser.")
-    for sentence in made.findings:
-        print(f"- {sentence}")
+    found = [f"open {made.index} in a browser.", *(f"- {each}" for each in made.findings)]
+    print(f"\nThe book, made in {time.monotonic() - started:.0f} s:", *found, sep="\n")
+    if made.whole and not made.failed:
+        before.remember(found)
     return int(made.failed)

@@ -7,6 +7,7 @@ from threading import Thread
 from typing import Any
 
 from trexton.base.errors import TrextonError
+from trexton.companion.build.unchanged import Unchanged
 
 VERDICT = "assessment"
 PAGES = ("mocap_training", "map_loss", "texton_dictionary")
@@ -23,15 +24,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    out, flights = Path(arguments.out), [arguments.flight]
+    flights += [arguments.test_flight] if arguments.test_flight else []
+    asked = [arguments.methods, arguments.no_book, *flights]
+    before = Unchanged(out / ".unchanged", asked, [Path(each) for each in flights], [out])
+    if found := before.last():
+        print("Nothing has changed since the report was made.", *found, sep="\n")
+        return 0
     from trexton.companion.build.flight_pairs import FlightPair, check_out, load_pair
     from trexton.companion.experiments.assessment import Parameters
 
-    out, chosen = Path(arguments.out), Parameters(methods=arguments.methods)
+    chosen = Parameters(methods=arguments.methods)
     pair = load_pair(arguments.flight, arguments.test_flight)  # what cannot be tested is said
     pairs = [FlightPair(arguments.flight, arguments.test_flight)]
     check_out(out, pairs)
-    doubts: list[str] = []
-    verdict = Thread(target=_say, args=(pair, chosen, doubts), daemon=True)
+    said, doubts = list[str](), list[str]()
+    verdict = Thread(target=_say, args=(pair, chosen, said, doubts), daemon=True)
     verdict.start()
     # Loaded while its map is learned: the engine of the pages, and what makes the book.
     from trexton.base.records import Record
@@ -54,19 +62,24 @@ def run(arguments: argparse.Namespace) -> int:
     player = f"{pairs[0].name}/mocap_training-player.html"
     player = player if (out / player).is_file() else ""
     page = write_report(record, out / "report.html", player, arguments.flight, doubts)
+    said += [*(f"warning  {doubt}" for doubt in doubts), str(page)]
     print(page)  # it is there, whatever becomes of the book
     if not arguments.no_book:
-        print(build_small_book(pairs, outcomes, out))
+        said.append(str(build_small_book(pairs, outcomes, out)))
+        print(said[-1])
+    if all(outcome.status != "failed" for outcome in outcomes):
+        before.remember(said)
     return 0
 
 
-def _say(pair: tuple[Any, Any], parameters: Any, doubts: list[str]) -> None:
-    """The verdict, then the `doubts` about both flights, which are collected."""
+def _say(pair: tuple[Any, Any], parameters: Any, said: list[str], doubts: list[str]) -> None:
+    """What is `said` as the verdict, then the `doubts` about both flights; both are collected."""
     from trexton.companion.experiments.assessment import finding, run
     from trexton.flights.plausibility import warnings
 
     with suppress(TrextonError):  # which its page names too
-        print(finding(run(*pair, parameters)), flush=True)
+        said.append(finding(run(*pair, parameters)))
+        print(said[-1], flush=True)
     for doubt in (f"{flight.name}: {doubt}" for flight in pair for doubt in warnings(flight)):
         print(f"warning  {doubt}")
         doubts.append(doubt)

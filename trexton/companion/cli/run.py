@@ -8,8 +8,6 @@ from pathlib import Path
 from trexton.base.arguments import add_assignments, assignments
 from trexton.base.errors import ParameterError
 from trexton.companion.build.display import Outcome
-from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.plan import run_experiments
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +32,9 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    from trexton.companion.build.flight_pairs import FlightPair
+    from trexton.companion.build.plan import run_experiments
+
     if arguments.test_flight is not None and len(arguments.flights) > 1:
         raise ParameterError("--test-flight belongs to one flight: run the others by themselves")
     pairs = [FlightPair(flight, arguments.test_flight) for flight in arguments.flights]

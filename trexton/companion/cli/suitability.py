@@ -10,13 +10,7 @@ from typing import Any
 
 from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
-from trexton.base.files import (
-    atomic_file,
-    canonical_json,
-    check_not_read,
-    check_writable,
-    write_file,
-)
+from trexton.base.files import canonical_json, check_not_read, check_writable, write_file
 from trexton.base.progress import say
 from trexton.base.records import plain
 from trexton.companion.executor import spreading, working_on
@@ -50,6 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
             if (error_cm := next(answers)) is not None:
                 say(f"{name}: about {error_cm:.0f} cm by first, coarse flights")
         if files:  # heat maps need the extra, and a while to load it; the verdict does not
+            from trexton.companion.experiments.figure_files import to_png
             from trexton.companion.experiments.suitability import predicted_errors
         judged = dict(zip(floors, answers, strict=True))
     ranked = sorted(judged, key=lambda name: judged[name]["predicted_cm"])
@@ -68,8 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     for name, file in files.items():
         write_file(f"{file}.json", canonical_json(plain(judged[name])))
-        with atomic_file(f"{file}.png", "wb") as stream:
-            predicted_errors(floors[name], judged[name]).savefig(stream, format="png", dpi=150)
+        write_file(f"{file}.png", to_png(predicted_errors(floors[name], judged[name])))
         say(f"{file}.png, {file.name}.json")
     return 0
 

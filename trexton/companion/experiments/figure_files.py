@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.legend import Legend
+from matplotlib.pyplot import setp
 from matplotlib.ticker import LogLocator
 
 PHONE_WIDTH = 4.2  # inches: at this width words stay readable across 330 pixels
@@ -115,9 +116,7 @@ def to_png(figure: Figure) -> bytes:
     """The figure as a picture of 150 dots an inch."""
     stream = io.BytesIO()
     hidden = [each for each in _drawn(figure) if str(each.get_gid()).endswith("-hidden")]
-    for artist in hidden:
-        artist.set_visible(False)
+    setp(hidden, visible=False)
     figure.savefig(stream, format="png", dpi=150)
-    for artist in hidden:
-        artist.set_visible(True)
+    setp(hidden, visible=True)
     return stream.getvalue()
