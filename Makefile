@@ -25,15 +25,15 @@ env: .venv/.ready  ## the environment only (.venv, from environment.lock)
 
 # The lock names everything. --no-deps: left to look for itself, an older pip takes an extra's newest release and
 # then finds no hash for it; whether anything is wanting is asked afterwards. uv, itself of the lock, takes less
-# than half of pip's time; pip knows where packages are where only pip was told.
+# than half of pip's time; pip remains for an index that only pip is configured for.
 LOCKED := install --quiet --no-deps --require-hashes -r
 .venv/.ready: environment.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 14) else f"Python {v[0]}.{v[1]} found, 3.11 to 3.14 needed: install one of them (pip install uv, then uv python install 3.13, brings one), then make env PYTHON=...")'
 	@test ! -L .venv || { echo ".venv is a link to $$(readlink .venv), and making the environment would empty that: remove the link, then make env" >&2; exit 1; }
 	@echo "making .venv from environment.lock"
 	@$(PYTHON) -m venv --clear .venv
-	@sed -n '/^uv==/,/[^\\]$$/p' environment.lock > .venv/uv.lock
-	@$(BIN)/python -m pip --disable-pip-version-check $(LOCKED) .venv/uv.lock
+	@sed -n '/^uv==/,/[^\\]$$/p' environment.lock > .venv/uv.txt
+	@$(BIN)/python -m pip --disable-pip-version-check $(LOCKED) .venv/uv.txt
 	@$(BIN)/uv pip $(LOCKED) environment.lock --python $(BIN)/python --no-cache --compile-bytecode 2>/dev/null \
 	  || $(BIN)/python -m pip --disable-pip-version-check $(LOCKED) environment.lock
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .

@@ -40,8 +40,7 @@ def clone(tmp_path, monkeypatch):
     monkeypatch.setattr(make, "run_experiments", experiments)
     monkeypatch.setattr(make, "_build", lambda contents, html: f"built {len(made)}")
     monkeypatch.setattr(make, "records_by_name", lambda results, outcomes: {})
-    found = {"text": "It works.", "flight": ""}
-    monkeypatch.setattr(make, "findings", lambda results, records: [found])
+    monkeypatch.setattr(make, "findings", lambda *_: [{"text": "It works.", "flight": ""}])
     monkeypatch.chdir(tmp_path)
     return tmp_path, made
 
@@ -55,16 +54,16 @@ def test_what_has_not_changed_is_said_and_not_made_again(clone, capsys):
     (folder / "trexton" / "__pycache__" / "x.pyc").write_text("nor this")
     capsys.readouterr()
     assert cli.main(["book"]) == 0 and len(made) == 1
-    told = capsys.readouterr().out
-    assert told.startswith("Nothing has changed") and told.endswith("- It works.\n")
-    assert "open book/_build/html/index.html in a browser" in told
+    printed = capsys.readouterr().out
+    assert printed.startswith("Nothing has changed") and printed.endswith("- It works.\n")
+    assert "open book/_build/html/index.html in a browser" in printed
     assert cli.main(["book", "--explain"]) == 0 and len(made) == 2, "reasons were asked for"
     assert cli.main(["book", "--set", "seed=2"]) == 0 and len(made) == 3
     assert cli.main(["book", "--quick"]) == 0 and len(made) == 4
 
 
 @pytest.mark.parametrize("name", FILES)
-@pytest.mark.parametrize("how", ["written", "newer", "gone", "beside"])
+@pytest.mark.parametrize("how", ["written", "newer", "copied", "gone", "beside"])
 def test_whatever_a_book_is_made_of_counts(clone, name, how):
     folder, made = clone
     cli.main(["book"])
@@ -73,6 +72,10 @@ def test_whatever_a_book_is_made_of_counts(clone, name, how):
         path.write_text("as it was not")
     elif how == "newer":
         os.utime(path, ns=(0, path.stat().st_mtime_ns + 1))
+    elif how == "copied":  # as rsync does: of the same size, its time kept
+        before = path.stat().st_mtime_ns
+        path.write_text("otherwise")
+        os.utime(path, ns=(before, before))
     elif how == "gone":
         path.unlink()
     else:
@@ -81,13 +84,41 @@ def test_whatever_a_book_is_made_of_counts(clone, name, how):
     assert len(made) == 2
 
 
-def test_the_environment_counts(clone, monkeypatch):
+def test_the_environment_counts(clone, monkeypatch, tmp_path_factory):
     _, made = clone
     cli.main(["book"])
     monkeypatch.setenv("TREXTON_DATA", "elsewhere")
     assert cli.main(["book"]) == 0 and len(made) == 2
-    monkeypatch.setattr(unchanged.sysconfig, "get_path", lambda name: str(clone[0]))
+    site = tmp_path_factory.mktemp("site")
+    monkeypatch.setattr(unchanged.sysconfig, "get_path", lambda name: str(site))
     assert cli.main(["book"]) == 0 and len(made) == 3
+    assert cli.main(["book"]) == 0 and len(made) == 3
+    (site / "numpy-9.dist-info").mkdir()
+    assert cli.main(["book"]) == 0 and len(made) == 4
+
+
+def test_code_that_a_person_edits_in_place_is_run_again(clone, monkeypatch, tmp_path_factory):
+    _, made = clone
+    monkeypatch.setenv("TREXTON_PLUGINS", "json")  # a module of one's own
+    assert [cli.main(["book"]) for _ in "ab"] == [0, 0] and len(made) == 2
+    monkeypatch.delenv("TREXTON_PLUGINS")
+    site = tmp_path_factory.mktemp("site")
+    monkeypatch.setattr(unchanged.sysconfig, "get_path", lambda name: str(site))
+    (site / "__editable__.trexton-1.0.0.pth").touch()
+    assert [cli.main(["book"]) for _ in "ab"] == [0, 0] and len(made) == 3
+    (site / "_my_features.pth").touch()
+    assert [cli.main(["book"]) for _ in "ab"] == [0, 0] and len(made) == 5
+
+
+def test_links_are_followed_but_not_in_a_circle(clone, tmp_path_factory):
+    folder, made = clone
+    disk = tmp_path_factory.mktemp("disk")
+    (disk / "quoted.toml").write_text("as it was")
+    (folder / "data" / "quoted").symlink_to(disk)
+    (disk / "back").symlink_to(folder)
+    assert [cli.main(["book"]) for _ in "ab"] == [0, 0] and len(made) == 1
+    (disk / "quoted.toml").write_text("as it was not")
+    assert cli.main(["book"]) == 0 and len(made) == 2
 
 
 def test_what_is_edited_while_a_book_is_made_is_in_the_next(clone, monkeypatch):
@@ -120,5 +151,5 @@ def test_a_book_that_is_not_whole_is_made_again(clone, monkeypatch, why):
 def test_a_damaged_note_is_none(clone, note):
     folder, made = clone
     cli.main(["book"])
-    (folder / "book" / "_build" / ".html.unchanged").write_text(note)
+    (folder / "book" / "_build" / ".unchanged").write_text(note)
     assert cli.main(["book"]) == 0 and len(made) == 2

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 from trexton.base.plugins import PLUGINS
@@ -40,6 +43,16 @@ def test_every_experiment_declares_itself():
     assert "none" not in EXPERIMENTS
     with pytest.raises(KeyError):
         EXPERIMENTS["none"]
+
+
+def test_whether_there_is_an_experiment_is_known_without_its_module():
+    asked = "'rooms' in EXPERIMENTS and 'none' not in EXPERIMENTS"
+    loaded = "any(name.startswith('trexton.companion.experiments.rooms') for name in sys.modules)"
+    lines = "import sys; from trexton.companion.experiments.registry import EXPERIMENTS"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{lines}; print({asked}, {loaded})"], capture_output=True
+    )
+    assert done.stdout.split() == [b"True", b"False"], done.stderr
 
 
 def test_an_experiment_of_ones_own_joins_with_its_notebook_and_its_claims(tmp_path, monkeypatch):

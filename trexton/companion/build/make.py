@@ -43,13 +43,13 @@ class Prepared:
 
 @dataclass
 class Made:
-    """What `make_book` did and found, as sentences; `whole` if no flight was absent."""
+    """What `make_book` did, and what was found, as sentences; outcomes; where the book is."""
 
     index: Path
     said: list[str] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
     outcomes: list[Outcome] = field(default_factory=list)
-    whole: bool = False
+    whole: bool = False  # no flight was absent
 
     @property
     def failed(self) -> bool:

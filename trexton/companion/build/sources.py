@@ -5,7 +5,6 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from trexton.companion.build.pages import figure_names, joined, label_of
 from trexton.companion.build.prose import FLIGHTS, context, records_by_name, render
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.wording import template_environment
 
 
 @dataclass(frozen=True)
@@ -211,16 +211,11 @@ def lead_from_old_addresses(contents: Contents, html: Path) -> None:
     }
     for old, page in contents.toc.get("moved", {}).items():
         moved.setdefault(old, f"{page}.html")
+    page = Path(__file__).with_name("moved.html").read_text(encoding="utf-8")
+    template = template_environment().from_string(page)
     for old, new in moved.items():
         for flight in FLIGHTS if old.startswith("*") else [""]:
             path = html / f"{old.replace('*', flight)}.html"
             if new.partition("#")[0].removesuffix(".html") in contents.pages and not path.exists():
                 path.parent.mkdir(exist_ok=True)
-                target = escape("../" * old.count("/") + new)
-                path.write_text(
-                    '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
-                    f'<meta http-equiv="refresh" content="0; url={target}"><title>Moved</title>'
-                    f'</head><body><p>This page is <a href="{target}">here</a> now.</p></body>'
-                    "</html>\n",
-                    encoding="utf-8",
-                )
+                path.write_text(template.render(target="../" * old.count("/") + new), "utf-8")

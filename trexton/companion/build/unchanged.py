@@ -1,16 +1,17 @@
-"""Has anything changed since a command was done? Names, sizes and times of files tell, unread."""
+"""Has anything changed since a command was done? Names, sizes and times of files show it."""
 
 import json
 import os
-import sys
 import sysconfig
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from trexton.base.cache import cache_folder, repository_root
 from trexton.base.files import digest, write_file
+from trexton.base.plugins import PLUGINS
 
-_NOT_READ = ("results", "data/flights", "data/cache", "book/_build", "tests")  # of a clone
+MADE = ("data/flights", "results", "book/_build")  # by a book, in its clone
+_OF_TOOLS = {"distutils-precedence.pth", "a1_coverage.pth", "_virtualenv.pth"}
 
 
 class Unchanged:
@@ -23,37 +24,40 @@ class Unchanged:
     def __init__(self, note: Path, asked: object, read: Sequence[Path], made: Sequence[Path]):
         root = repository_root() or Path(__file__).parents[2]
         own = {name: value for name, value in os.environ.items() if name.startswith("TREXTON_")}
-        installed = sorted(os.listdir(sysconfig.get_path("purelib")))  # names hold the versions
-        apart = [*(root / name for name in _NOT_READ), cache_folder(), *made]
-        files = [_files(path, apart) for path in (root, *read)]
+        installed = sorted(os.listdir(sysconfig.get_path("purelib")))  # names hold versions
+        apart = [*(root / name for name in (*MADE, "data/cache", "tests")), cache_folder(), *made]
         self.note, self.made = note, made
-        self.inputs = digest(files, asked, own, installed, sys.version)
+        environment = [own, installed, sysconfig.get_config_var("py_version")]
+        self.inputs = digest(_files((root, *read), apart), asked, environment)
+        # A person's own code, which is edited in place, is not watched: any run may find another.
+        places = {name for name in installed if name.endswith(".pth") and "trexton" not in name}
+        self.watched = not (own.get(PLUGINS) or places - _OF_TOOLS)
 
     def last(self) -> list[str] | None:
-        """The sentences that were remembered; None where anything has changed since."""
+        """The sentences that were remembered; None where anything may have changed since."""
         try:
             content = json.loads(self.note.read_text(encoding="utf-8"))
-            same = content["inputs"] == self.inputs and content["made"] == self._left()
-            return list(content["sentences"]) if same else None
+            same = content["inputs"] == self.inputs and content["made"] == digest(_files(self.made))
+            return list(content["sentences"]) if same and self.watched else None
         except (OSError, ValueError, LookupError, TypeError):
             return None
 
     def remember(self, sentences: Sequence[str]) -> None:
         """Note what was found, of the inputs that there were before."""
-        content = {"inputs": self.inputs, "made": self._left(), "sentences": sentences}
-        write_file(self.note, json.dumps(content))
-
-    def _left(self) -> str:
-        return digest([_files(path) for path in self.made])
+        known = {"inputs": self.inputs, "made": digest(_files(self.made)), "sentences": sentences}
+        write_file(self.note, json.dumps(known))
 
 
-def _files(root: Path, apart: Collection[Path] = ()) -> list[tuple[str, int, int]]:
-    """Path, size and time of a file, or of each in a folder that is neither hidden nor `apart`."""
-    kept, left_out = [root], {os.path.realpath(path) for path in apart}
-    for folder, names, files in os.walk(os.path.realpath(root)):
-        names[:] = sorted(n for n in names if os.path.join(folder, n) not in left_out)
-        for each in (names, files):
-            each[:] = [name for name in each if not name.startswith((".", "__pycache__"))]
-        kept += [Path(folder, name) for name in sorted(files)]
-    seen = {path: path.stat() for path in kept if path.is_file()}
-    return [(str(path), about.st_size, about.st_mtime_ns) for path, about in seen.items()]
+def _files(places: Sequence[Path], apart: Sequence[Path] = ()) -> list[tuple[str, int, int, int]]:
+    """Path, size and times of files, and of those in folders, neither hidden nor `apart`."""
+    kept, passed = list(places), {os.path.realpath(path) for path in apart}
+    for place in places:
+        for folder, names, files in os.walk(place, followlinks=True):
+            names[:] = sorted(name for name in names if not name.startswith((".", "__pycache__")))
+            if (real := os.path.realpath(folder)) in passed:  # or links would lead in a circle
+                names.clear()
+                continue
+            passed.add(real)
+            kept += [Path(real, name) for name in sorted(files) if not name.startswith(".")]
+    seen = {path: path.stat() for path in kept if path.is_file()}  # a copy may keep its st_mtime
+    return [(str(p), s.st_size, s.st_mtime_ns, s.st_ctime_ns) for p, s in seen.items()]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from trexton.base.arguments import assignments
 from trexton.base.cache import repository_root
-from trexton.companion.build.unchanged import Unchanged
+from trexton.companion.build.unchanged import MADE, Unchanged
 from trexton.companion.cli.run import add_run_arguments, print_outcomes
 
 
@@ -19,11 +19,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     started, root = time.monotonic(), repository_root() or Path()
     settings = assignments(arguments.settings, "key=value")
-    html = root / "book" / "_build" / ("quick" if arguments.quick else "html")
-    made_of = (root / "data" / "flights", root / "results", html)
-    before = Unchanged(html.with_name(f".{html.name}.unchanged"), settings, (), made_of)
-    if not arguments.explain and (found := before.last()):
-        print("Nothing has changed since the book was made:", *found, sep="\n")
+    left, asked = [root / name for name in MADE], [settings, arguments.quick]
+    before = Unchanged(left[-1] / ".unchanged", asked, (), left)
+    if not arguments.explain and (sentences := before.last()):
+        print("Nothing has changed since the book was made:", *sentences, sep="\n")
         return 0
     from trexton.companion.build.make import make_book
 
@@ -31,8 +30,8 @@ def run(arguments: argparse.Namespace) -> int:
     print_outcomes(made.outcomes, arguments.explain)
     for sentence in made.said:
         print(sentence)
-    found = [f"open {made.index} in a browser.", *(f"- {each}" for each in made.findings)]
-    print(f"\nThe book, made in {time.monotonic() - started:.0f} s:", *found, sep="\n")
+    sentences = [f"open {made.index} in a browser.", *(f"- {each}" for each in made.findings)]
+    print(f"\nThe book, made in {time.monotonic() - started:.0f} s:", *sentences, sep="\n")
     if made.whole and not made.failed:
-        before.remember(found)
+        before.remember(sentences)
     return int(made.failed)

@@ -28,8 +28,8 @@ def run(arguments: argparse.Namespace) -> int:
     flights += [arguments.test_flight] if arguments.test_flight else []
     asked = [arguments.methods, arguments.no_book, *flights]
     before = Unchanged(out / ".unchanged", asked, [Path(each) for each in flights], [out])
-    if found := before.last():
-        print("Nothing has changed since the report was made.", *found, sep="\n")
+    if sentences := before.last():
+        print("Nothing has changed since the report was made.", *sentences, sep="\n")
         return 0
     from trexton.companion.build.flight_pairs import FlightPair, check_out, load_pair
     from trexton.companion.experiments.assessment import Parameters

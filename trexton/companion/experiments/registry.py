@@ -63,10 +63,13 @@ class _Experiments(Mapping[str, Experiment]):
     def __getitem__(self, name: str) -> Experiment:
         if name == LEDGER:
             return _LEDGER
-        if name not in set(self):
+        if name not in self:
             raise KeyError(name)
         declared = resolve("experiments", name, self._table())
         return declared if isinstance(declared, Experiment) else declared.EXPERIMENT
+
+    def __contains__(self, name: object) -> bool:
+        return name in set(self)  # a mapping's own would import the module
 
     def __iter__(self) -> Iterator[str]:
         yield from addresses("experiments", self._table())
