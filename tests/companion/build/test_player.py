@@ -39,19 +39,18 @@ def embedded(page: str) -> dict:
 
 def test_it_keeps_what_every_step_gave(texton_map):
     flight = small_flight()
-    recording = record_replay(
-        {"one": localizer(texton_map), "two": localizer(texton_map, 6)}, flight, most_frames=10
-    )
-    names = ["one", "neighbours alone", "two"]
+    others = {"two": np.arange(2.0 * len(flight)).reshape(-1, 2)}
+    recording = record_replay(localizer(texton_map), flight, others, most_frames=10)
+    names = ["the paper's filter", "neighbours alone", "two"]
     assert list(recording.frames[0]["estimates_cm"]) == names
     assert [each["frame"] for each in recording.frames] == list(flight.frame[::4])
     again = localizer(texton_map)
     steps = [again.step(row) for row in flight.histograms][::4]
     for kept, step, truth in zip(recording.frames, steps, flight.position[::4], strict=True):
-        assert kept["estimates_cm"]["one"] == np.rint(100 * step.position).astype(int).tolist()
+        assert kept["estimates_cm"][names[0]] == np.rint(100 * step.position).astype(int).tolist()
         assert kept["neighbors_cm"] == np.rint(100 * step.neighbors.position).astype(int).tolist()
         error = 100 * float(np.hypot(*(step.position - truth)))
-        assert kept["errors_cm"]["one"] == round(error, 1 if error < 10 else None)
+        assert kept["errors_cm"][names[0]] == round(error, 1 if error < 10 else None)
         assert len(kept["particles_cm"]) == len(step.particles) and kept["image"] is None
 
 
@@ -68,7 +67,7 @@ def test_the_replay_of_an_experiment_shows_every_method_that_can_fly():
 def test_patches_are_those_that_the_step_sampled(tmp_path, rng):
     flight = picture_flight(tmp_path, "room")
     texton_map = train_map(flight, n_textons=4, neighbors=2, rng=rng)
-    recording = record_replay({"one": localizer(texton_map, samples=30)}, flight, most_frames=5)
+    recording = record_replay(localizer(texton_map, samples=30), flight, {}, most_frames=5)
     dictionary = texton_map.dictionary
     for kept, row in zip(recording.frames, range(0, len(flight), 10), strict=True):
         image = flight.image(row)
@@ -78,16 +77,16 @@ def test_patches_are_those_that_the_step_sampled(tmp_path, rng):
         share = np.bincount(labels, minlength=4) / 30
         assert kept["histogram"] == np.rint(1000 * share).astype(int).tolist()
         assert kept["image"].startswith("data:image/webp;base64,")
-    full = record_replay({"all": localizer(texton_map, samples=None)}, flight, most_frames=2)
+    full = record_replay(localizer(texton_map, samples=None), flight, {}, most_frames=2)
     assert full.frames[0]["patches"] is None
 
 
 def test_a_truth_that_is_unknown_stays_unknown(texton_map):
     flight = small_flight()
     flight.position[3] = np.nan
-    recording = record_replay({"one": localizer(texton_map)}, flight)
+    recording = record_replay(localizer(texton_map), flight, {})
     assert recording.frames[3]["truth_cm"] is None
-    assert recording.frames[3]["errors_cm"]["one"] is None
+    assert recording.frames[3]["errors_cm"]["the paper's filter"] is None
     assert "NaN" not in player_html(recording)
 
 
@@ -103,8 +102,10 @@ def test_a_method_that_compares_images_has_no_patches_and_its_errors_have_tenths
         return replace(step(frame, **told), position=nearby[-1], histogram=None)
 
     one.step = near
-    kept = record_replay({"one": one}, train).frames
-    assert all(each["patches"] is None and each["errors_cm"]["one"] == 0.3 for each in kept)
+    kept = record_replay(one, train, {}).frames
+    assert all(
+        each["patches"] is None and each["errors_cm"]["the paper's filter"] == 0.3 for each in kept
+    )
 
 
 def test_a_floor_lies_on_the_page_as_it_lies_in_the_world(tmp_path, texton_map):
@@ -114,7 +115,7 @@ def test_a_floor_lies_on_the_page_as_it_lies_in_the_world(tmp_path, texton_map):
     # Its columns run north and its rows east: the white corner lies in the south west.
     place = np.array([[0, 0.05, 0.025], [0.05, 0, 0.025], [0, 0, 1]])
     flight = replace(small_flight(), floor_file=tmp_path / "floor.png", floor_from_pixel=place)
-    floor = record_replay({"one": localizer(texton_map)}, flight, most_frames=1).floor
+    floor = record_replay(localizer(texton_map), flight, {}, most_frames=1).floor
     assert floor["extent_m"] == pytest.approx([0, 2, 0, 4])
     coded = np.frombuffer(base64.b64decode(floor["image"].partition(",")[2]), np.uint8)
     shown = cv2.imdecode(coded, cv2.IMREAD_COLOR).mean(axis=2)
@@ -125,7 +126,8 @@ def test_a_floor_lies_on_the_page_as_it_lies_in_the_world(tmp_path, texton_map):
 
 
 def test_the_page_is_one_file(texton_map):
-    recording = record_replay({"a </script>": localizer(texton_map)}, small_flight())
+    flight = small_flight()
+    recording = record_replay(localizer(texton_map), flight, {"a </script>": flight.position})
     page = player_html(recording, "A <hall>")
     assert "A &lt;hall&gt;" in page and "http" not in re.sub(r"http://www.w3.org\S*", "", page)
     assert embedded(page)["frames"] == recording.frames
@@ -135,10 +137,11 @@ def test_the_page_is_one_file(texton_map):
 
 
 def test_a_flight_called_as_a_place_of_the_page_is_text(texton_map):
-    recording = record_replay({"{{ script }}": localizer(texton_map)}, small_flight())
+    flight = small_flight()
+    recording = record_replay(localizer(texton_map), flight, {"{{ script }}": flight.position})
     page = player_html(recording, "{{ data }} {{ style }}")
     assert "<title>{{ data }} {{ style }}" in page
-    assert list(embedded(page)["frames"][0]["estimates_cm"])[0] == "{{ script }}"
+    assert list(embedded(page)["frames"][0]["estimates_cm"])[-1] == "{{ script }}"
 
 
 def test_the_player_has_the_colours_of_the_figures():

@@ -108,9 +108,8 @@ def findings(results: Path, values: Values) -> list[dict[str, str]]:
     """The first sentences of some pages: of the kept long run, or of the real flight if it can."""
     kept, said = {path.stem: path for path in kept_results()}, []
     for name in _FINDINGS:
-        say = EXPERIMENTS[name].finding
         flight = next((each for each in FLIGHTS if name in values.get(each, {})), None)
-        if flight and say:
+        if flight and (say := EXPERIMENTS[name].finding):
             record = Record.load(kept.get(name, results / flight / f"{name}.json"))
             sentence = re.split(r"(?<=[.]) (?=[A-Z0-9])", say(record))[0]
             where = "" if name in kept else flight_title(flight)

@@ -3,8 +3,6 @@
 import argparse
 from contextlib import suppress
 from pathlib import Path
-from threading import Thread
-from typing import Any
 
 from trexton.base.errors import TrextonError
 from trexton.companion.build.unchanged import Unchanged
@@ -32,29 +30,31 @@ def run(arguments: argparse.Namespace) -> int:
         print("Nothing has changed since the report was made.", *sentences, sep="\n")
         return 0
     from trexton.companion.build.flight_pairs import FlightPair, check_out, load_pair
-    from trexton.companion.experiments.assessment import Parameters
+    from trexton.companion.experiments.assessment import Parameters, finding
+    from trexton.companion.experiments.assessment import run as experiment
+    from trexton.flights.plausibility import warnings
 
     chosen = Parameters(methods=arguments.methods)
     pair = load_pair(arguments.flight, arguments.test_flight)  # what cannot be tested is said
     pairs = [FlightPair(arguments.flight, arguments.test_flight)]
     check_out(out, pairs)
     said, doubts = list[str](), list[str]()
-    verdict = Thread(target=_say, args=(pair, chosen, said, doubts), daemon=True)
-    verdict.start()
-    # Loaded while its map is learned: the engine of the pages, and what makes the book.
+    with suppress(TrextonError):  # which its page names too
+        said.append(finding(experiment(*pair, chosen)))
+        print(said[-1], flush=True)
+    for doubt in (f"{flight.name}: {doubt}" for flight in pair for doubt in warnings(flight)):
+        print(f"warning  {doubt}", flush=True)
+        doubts.append(doubt)
+    # Loaded when the verdict is said: the engine of the pages, and what makes the book.
     from trexton.base.records import Record
     from trexton.companion.build.make import build_small_book
     from trexton.companion.build.plan import run_experiments
     from trexton.companion.build.small_report import write_report
     from trexton.companion.cli.run import print_outcomes
 
-    if arguments.no_book:
-        verdict.join()
-    # The pages are made beside the verdict; its own waits for what it keeps.
-    pages = (VERDICT,) if arguments.no_book else (*PAGES, VERDICT)
+    pages = (VERDICT,) if arguments.no_book else (VERDICT, *PAGES)
     settings = {f"{VERDICT}.methods": arguments.methods}
     outcomes = run_experiments(pairs, out, only=pages, settings=settings)
-    verdict.join()
     print_outcomes(outcomes, explain=False)
     if not any(outcome.good for outcome in outcomes if outcome.experiment == VERDICT):
         return 1
@@ -70,16 +70,3 @@ def run(arguments: argparse.Namespace) -> int:
     if all(outcome.status != "failed" for outcome in outcomes):
         before.remember(said)
     return 0
-
-
-def _say(pair: tuple[Any, Any], parameters: Any, said: list[str], doubts: list[str]) -> None:
-    """What is `said` as the verdict, then the `doubts` about both flights; both are collected."""
-    from trexton.companion.experiments.assessment import finding, run
-    from trexton.flights.plausibility import warnings
-
-    with suppress(TrextonError):  # which its page names too
-        said.append(finding(run(*pair, parameters)))
-        print(said[-1], flush=True)
-    for doubt in (f"{flight.name}: {doubt}" for flight in pair for doubt in warnings(flight)):
-        print(f"warning  {doubt}")
-        doubts.append(doubt)

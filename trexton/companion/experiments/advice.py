@@ -5,7 +5,7 @@ record, with all lengths in one unit (`lengths_of`).
 """
 
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import cv2
@@ -27,8 +27,10 @@ FEWEST_THERE = 5  # test frames that say something of a part
 NO_CAMERA = "for histograms alone; a camera needs a training flight of pictures"
 
 
-def limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]:
-    """What may be wrong with the flights, as shares of their frames."""
+def limits(
+    texton_map: TextonMap, train: Flight, test: Flight, frames: Sequence[np.ndarray]
+) -> dict[str, Any]:
+    """What may be wrong with the flights, as shares of their frames; `frames` are the test's."""
     known = test.located
     positions, diagonal = texton_map.positions, train.diagonal
     gaps = np.array([euclidean(positions, place).min() for place in test.position[known]])
@@ -40,7 +42,7 @@ def limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]
     except TrextonError:  # too short a flight to leave neighbours in time out
         found["repeated"] = None
     if test.has_images:
-        lumas = (test.image(row)[..., 0] for row in evenly_spread(len(test), SHARPNESS_FRAMES))
+        lumas = (frames[row][..., 0] for row in evenly_spread(len(test), SHARPNESS_FRAMES))
         sharp = np.array([cv2.Laplacian(luma, cv2.CV_64F).var() for luma in lumas])
         found["blurred"] = float((sharp < BLURRED * np.median(sharp)).mean())
     return found

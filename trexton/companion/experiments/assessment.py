@@ -27,8 +27,10 @@ from trexton.companion.experiments.declaration import Experiment, MapParameters,
 from trexton.companion.experiments.evaluation import (
     constant_guess,
     floor_picture,
+    flown,
     frames_of,
     map_of,
+    method_map,
     neighbor_means,
     shuffled_neighbors,
     whereabouts,
@@ -43,13 +45,10 @@ from trexton.companion.experiments.style import (
     length_unit,
     plan_canvas,
 )
-from trexton.companion.experiments.track import fly
 from trexton.companion.wording import middle
 from trexton.field.likelihood import grid_cells
 from trexton.flights.flight import Flight
-from trexton.localization.localizer import Localizer
 from trexton.localization.methods import compose
-from trexton.localization.training import for_method
 
 
 @dataclass(frozen=True)
@@ -86,16 +85,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 def _run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     frames, known = frames_of(test), test.located
     runs, timings, field_map = {}, {}, None
-    # The paper's map, whatever k is asked for: the other pages of a report take it from the cache.
-    base = map_of(train, MapParameters(parameters.seed, textons=parameters.textons))
-    located = train.select(train.located)
+    base = map_of(train, parameters)
     for method in parameters.methods.split():
-        rng = stream(parameters.seed, f"map {method}")
-        texton_map = for_method(base, method, flight=located, rng=rng)
-        count = parameters.particles if method == "paper" else None
-        rng = stream(parameters.seed, "flight", 0)
-        localizer = Localizer(texton_map, samples=parameters.samples, particles=count, rng=rng)
-        track = fly(localizer, frames, times=test.time)
+        texton_map = method_map(train, parameters, method)
+        [track] = flown(train, test, parameters, method, repeats=1, texton_map=texton_map)
         runs[method], timings[method] = track.position, of_frames(track.step_s)
         if hasattr(texton_map.parts.get("measurement"), "predicted_error"):
             field_map = texton_map
@@ -111,7 +104,7 @@ def _run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             name: summarize([track[known]], test.position[known], test.diagonal, rng=rng)
             for name, track in runs.items()
         },
-        "limits": limits(base, train, test),
+        "limits": limits(base, train, test, frames),
         "counts": {"train": len(base.positions), "test": int(known.sum())},
     }
     series: dict[str, Any] = {

@@ -13,7 +13,7 @@ from trexton.base.streams import stream
 from trexton.companion.experiments import style
 from trexton.companion.experiments.correlation import pair_correlation, rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import evenly_spread, floor_picture, frames_of, map_of
+from trexton.companion.experiments.evaluation import evenly_spread, floor_picture, flown, map_of
 from trexton.companion.experiments.metrics import euclidean
 from trexton.companion.experiments.similarity import (
     cosine_similarity,
@@ -22,10 +22,8 @@ from trexton.companion.experiments.similarity import (
     smooth,
 )
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, length_unit, show_floor
-from trexton.companion.experiments.track import fly
 from trexton.companion.wording import number, span
 from trexton.flights.flight import Flight
-from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training_set import EXCLUDED_SECONDS, training_set
 
 AUTHORS = 0.8  # sigma in metres
@@ -61,7 +59,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     half, double = (local_losses(histograms, positions, factor * sigma) for factor in (0.5, 2))
     rng = stream(parameters.seed, "parts")
     prediction = {"correlation": rank_correlation(losses, errors, rng=rng)}
-    prediction |= _in_flight(texton_map, test, losses, sigma, parameters)
+    prediction |= _in_flight(train, test, losses, sigma, parameters)
     floor, pictures = floor_picture(train)
     return parameters.record(
         train,
@@ -109,16 +107,14 @@ def _similarity(histograms: np.ndarray, positions: np.ndarray, seed: int) -> dic
 
 
 def _in_flight(
-    texton_map: TextonMap, test: Flight, losses: np.ndarray, sigma: float, parameters: Parameters
+    train: Flight, test: Flight, losses: np.ndarray, sigma: float, parameters: Parameters
 ) -> dict[str, Any]:
-    """Correlations of another flight: the smoothed loss of each place, its errors."""
-    expected = smooth(losses, texton_map.positions, test.position, sigma)
-    options: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
-    rng = stream(parameters.seed, "flight")
-    track = fly(Localizer(texton_map, rng=rng, **options), frames_of(test))
+    """Correlations of another flight: the smoothed loss of each place, its mean error."""
+    expected = smooth(losses, map_of(train, parameters).positions, test.position, sigma)
+    runs = flown(train, test, parameters)
     errors = {
-        "test_knn": euclidean(track.knn, test.position),
-        "test_filter": track.errors(test.position),
+        "test_knn": np.mean([euclidean(run.knn, test.position) for run in runs], axis=0),
+        "test_filter": np.mean([run.errors(test.position) for run in runs], axis=0),
     }
     rng = stream(parameters.seed, "unseen")
     return {name: rank_correlation(expected, wrong, rng=rng) for name, wrong in errors.items()}

@@ -1,11 +1,12 @@
 """Fly a recorded flight once more, and play what every step saw in one page without other hosts.
 
-Offers `replay` of an experiment, `record_replay` of any localizers, and the page, `player_html`.
+Offers `replay` of an experiment, `record_replay` of a localizer, and the page, `player_html`.
 """
 
 import base64
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field
 from importlib.resources import files
@@ -19,15 +20,12 @@ from trexton.base.errors import MapError
 from trexton.base.streams import stream
 from trexton.companion import player
 from trexton.companion.experiments.declaration import MapParameters
-from trexton.companion.experiments.evaluation import frames_of, map_of
+from trexton.companion.experiments.evaluation import flown, frames_of, map_of
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
-from trexton.localization.training import for_method
 from trexton.vision.camera import MapImage
 from trexton.vision.images import bgr_from_yuv, sample_positions
 
-# As the player names them; the first one is shown in detail.
-_METHODS = {"paper": "the paper's filter", "field": "field", "fine": "fine"}
 _WIDTH = 200  # pixels of a frame on the page
 _FLOOR_WIDTH = 420
 _QUALITY = 38
@@ -70,56 +68,51 @@ def replay(train: Flight, test: Flight, parameters: MapParameters) -> PlayedFlig
     parameters : MapParameters
         The map's, and the seed.
     """
-    texton_map = map_of(train, parameters)
-    frames = train.select(train.located)
+    rng, texton_map = stream(parameters.seed, "flight", 0), map_of(train, parameters)
+    counts: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
+    localizer = Localizer(texton_map, rng=rng, **counts)  # the run 0 that every page quotes
     known = (train.floor, train.camera, train.height)
     laid = test.has_images and all(each is not None for each in known)
-    localizers = {}
-    for method, label in _METHODS.items():
-        rng = stream(parameters.seed, f"training {method}")
-        if method == "fine" and not laid:
-            continue
-        try:
-            learned = for_method(texton_map, method, flight=frames, rng=rng)
-        except MapError:  # too short a flight, for one; the paper's method learns from any
-            if method == "paper":
-                raise
-            continue
-        count = parameters.particles if method == "paper" else None
-        rng = stream(parameters.seed, "flight", 0)
-        localizers[label] = Localizer(learned, samples=parameters.samples, particles=count, rng=rng)
-    return record_replay(localizers, test)
+    others = {}
+    for method in ("field", "fine") if laid else ("field",):
+        with suppress(MapError):  # too short a flight, for one; the paper's method learns from any
+            others[method] = flown(train, test, parameters, method, repeats=1)[0].position
+    return record_replay(localizer, test, others)
 
 
 def record_replay(
-    localizers: Mapping[str, Localizer], flight: Flight, *, most_frames: int = 180
+    localizer: Localizer,
+    flight: Flight,
+    others: Mapping[str, np.ndarray],
+    *,
+    most_frames: int = 180,
 ) -> PlayedFlight:
-    """Step every localizer through all frames of `flight`, and keep a part of them evenly.
+    """Step the localizer of the paper's filter through all frames of `flight`, and keep a part of
+    them evenly.
 
     Parameters
     ----------
-    localizers : mapping of str to Localizer
-        The first one is shown in detail; beside it the plain mean of its neighbours.
+    others : mapping of str to (N, 2) array
+        What other methods estimated, beside it and the plain mean of its neighbours.
     most_frames : int
-        Frames to keep at most; the localizers see all of them.
+        Frames to keep at most; the localizer sees all of them.
 
     Raises
     ------
     ImageError, MapError
         The flight does not fit the map.
     """
-    first, *others = localizers.items()
     every = -(-len(flight) // most_frames)
     kept = []
     for row, frame in enumerate(flight.images() if flight.has_images else frames_of(flight)):
-        before = deepcopy(first[1].rng)
-        estimate = first[1].step(frame)
-        estimates = {first[0]: estimate.position}
-        if estimate.neighbors is not None:
-            estimates["neighbours alone"] = estimate.neighbors.position.mean(axis=0)
-        estimates |= {name: each.step(frame).position for name, each in others}
+        before = deepcopy(localizer.rng)
+        estimate = localizer.step(frame, time=float(flight.time[row]))
         if row % every:
             continue
+        estimates = {"the paper's filter": estimate.position}
+        if estimate.neighbors is not None:
+            estimates["neighbours alone"] = estimate.neighbors.position.mean(axis=0)
+        estimates |= {name: each[row] for name, each in others.items()}
         truth = flight.position[row]
         neighbors, counts = estimate.neighbors, estimate.histogram
         shares = None if counts is None else np.rint(1000 * counts).astype(int).tolist()
@@ -137,7 +130,7 @@ def record_replay(
                 "estimates_cm": {name: _cm(place) for name, place in estimates.items()},
                 "errors_cm": {name: _error_cm(place - truth) for name, place in estimates.items()},
                 "image": _uri(_small(bgr_from_yuv(frame), _WIDTH)) if flight.has_images else None,
-                "patches": _patches(first[1], frame, before) if counted else None,
+                "patches": _patches(localizer, frame, before) if counted else None,
             }
         )
     return PlayedFlight(
