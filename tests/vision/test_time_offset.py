@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
+from trexton.base.errors import ImageError
 from trexton.flights.check import check_flight, repair_flight
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
@@ -19,7 +22,8 @@ from trexton.simulator.recording import record_flight
 from trexton.simulator.sensor import Effects
 from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import Camera
-from trexton.vision.time_offset import small, time_offset
+from trexton.vision.images import read_image
+from trexton.vision.time_offset import read_small, small, time_offset
 
 PERIOD = 0.08
 
@@ -178,3 +182,22 @@ def test_a_recorded_flight_whose_clocks_differ_is_named(flight, tmp_path, what):
     assert ("not repaired" in " ".join(done)) == (what == "late")
     if what == "clockwise":
         np.testing.assert_allclose(mended.attitude, flight.attitude)
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [("a.jpg", (640, 480)), ("a.png", (640, 480)), ("a.jpg", (752, 480)), ("a.jpg", (200, 150))],
+)
+def test_a_file_read_small_is_that_image_made_small(tmp_path, name, size):
+    picture = cv2.resize(np.random.default_rng(1).integers(0, 255, (30, 40, 3), np.uint8), size)
+    turned = Image.Exif()
+    turned[0x0112] = 6  # taken with the camera on its side
+    Image.fromarray(picture).save(tmp_path / name, exif=turned)
+    whole, seen = small(read_image(tmp_path / name)), read_small(tmp_path / name)
+    assert whole.shape[0] > whole.shape[1] and seen.shape[0] > seen.shape[1]
+    alike = np.corrcoef(cv2.resize(seen, whole.shape[::-1]).ravel(), whole.ravel())[0, 1]
+    assert alike > 0.99
+    file = tmp_path / "cut.jpg"
+    file.write_bytes((tmp_path / name).read_bytes()[:-500])
+    with pytest.raises(ImageError):
+        read_small(file)

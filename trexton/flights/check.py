@@ -19,7 +19,6 @@ from trexton.flights.tracking import count_of, ranges
 from trexton.flights.writing import write_flight
 from trexton.vision.images import read_image
 from trexton.vision.threads import ahead
-from trexton.vision.time_offset import small
 
 MOST_ROUNDS = 10  # a repair may uncover what another repairs
 BLANK = 4  # of 255: what shows anything differs by more, and by noise alone where a lens is capped
@@ -55,7 +54,7 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
     raised.
     """
     reading = load_folder(Path(path))
-    sizes, unusable, frozen, dark, first = _images(reading)
+    sizes, unusable, frozen, dark = _images(reading)
     found = [] if reading.flight is None else facts(reading.flight)
     if reading.image_files:
         counts = (f"{count} of {'x'.join(map(str, size))}" for size, count in sizes.items())
@@ -75,19 +74,16 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
             reading.flight.floor  # noqa: B018 - reads the picture
         except (FlightError, ImageError) as error:
             faults.append(str(error))
-        doubts = plausibility.warnings(reading.flight, [] if unusable else first)
-        warnings += [f"{path}: {said}" for said in doubts]
+        warnings += [f"{path}: {said}" for said in plausibility.warnings(reading.flight)]
     return Report(Path(path), found, faults, warnings)
 
 
-def _images(
-    reading: Reading,
-) -> tuple[Counter[tuple[int, int]], dict[int, str], list[int], int, list[np.ndarray]]:
+def _images(reading: Reading) -> tuple[Counter[tuple[int, int]], dict[int, str], list[int], int]:
     """What decoding every image shows: how many are of each size; by rows of frames.csv, what keeps
-    one from use; the rows whose picture is the one before, or blank; dark ones; `small` first ones.
+    one from use; the rows whose picture is the one before, or blank; dark ones.
     """
     places: dict[int, tuple[Path, tuple[int, int]]] = {}
-    unusable, frozen, before, dark, first = {}, [], np.empty(0), 0, []
+    unusable, frozen, before, dark = {}, [], np.empty(0), 0
     images = progress(ahead(_read, reading.image_files), "images", len(reading.image_files))
     for (row, file), image in zip(reading.image_files, images, strict=True):
         if isinstance(image, ImageError):
@@ -97,8 +93,6 @@ def _images(
             frozen.append(row)
         before = image
         dark += bool(np.quantile(image[::4, ::4, 0], 0.99) < DARK)
-        if len(places) < plausibility.KEPT:
-            first.append(small(image))
         places[row] = file, (image.shape[1], image.shape[0])
     sizes = Counter(size for _, size in places.values())
     camera = reading.flight.camera if reading.flight else None
@@ -109,7 +103,7 @@ def _images(
         if size != expected:
             odd = f"{file} is {size[0]}x{size[1]} where {whose} {expected[0]}x{expected[1]}"
             unusable[row] = f"frames.csv, row {row}: {odd}: all images of a flight have one size"
-    return sizes, unusable, frozen, dark, first
+    return sizes, unusable, frozen, dark
 
 
 def _read(named: tuple[int, Path]) -> np.ndarray | ImageError:
@@ -168,7 +162,7 @@ def repair_flight(
     reading = load_folder(Path(path), done)
     if reading.flight is None:
         raise FlightError(reading.faults[0])
-    flight, (_, unusable, frozen, _, first) = reading.flight, _images(reading)
+    flight, (_, unusable, frozen, _) = reading.flight, _images(reading)
     if left_out := {*unusable, *frozen}:
         if len(left_out) == len(flight):
             raise FlightError(
@@ -180,9 +174,8 @@ def repair_flight(
                 named = f"frames.csv, row {ranges(np.array(sorted(rows)))}"
                 done.append(f"{count_of(len(rows), 'frame')} left out whose image {why} ({named})")
         flight = flight.select(np.array([row not in left_out for row, _ in reading.image_files]))
-        first = []  # other rows than now
     for rounds in range(MOST_ROUNDS + 1):
-        doubts = plausibility.warnings(flight, first)
+        doubts = plausibility.warnings(flight)
         doubt = next((each for each in doubts if each.mend), None)
         if doubt is None or doubt.mend is None or rounds == MOST_ROUNDS:
             break

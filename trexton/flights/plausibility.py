@@ -1,22 +1,23 @@
 """Plausibility checks of a flight that can be read; `warnings` runs all of them, and each gives a
 `Doubt` for what is probably not as meant, with what to do about it."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import compress
 from typing import Any
 
 import numpy as np
 
 from trexton.base.errors import TrextonError
+from trexton.flights import motion
 from trexton.flights.flight import Flight
+from trexton.flights.frames import ImageFiles
 from trexton.flights.importers import axes
 from trexton.flights.jumps import jump_doubts
-from trexton.flights.motion import followed_rows, motion_doubts, repeats, seen_motion, turns
 from trexton.flights.tracking import SET_BACK, Doubt, count_of, lost_rows, tracking_doubts
 from trexton.vision.camera import wrapped
-from trexton.vision.time_offset import small, time_offset
+from trexton.vision.threads import ahead
+from trexton.vision.time_offset import read_small, small, time_offset
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 FAST, MAX_TURN = 15.0, 6.0  # m/s, or heights a second, from where turns of so many m/s^2 are none
@@ -29,7 +30,7 @@ _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("millisecon
 LONGEST_GAP = 1800.0  # seconds between frames of one flight; clocks may be an hour apart
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO, FLOOR_RATIO = 5.0, 20.0  # heights, and the floor's picture, by the diagonal
-OFFSET_FRAMES, KEPT = 400, 1000  # frames whose turning is measured; that are kept to look at
+OFFSET_FRAMES = 400  # frames whose turning is measured
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
 TURNED, MAX_TILT = 0.5, 0.35  # radians: of yaw, to know axes by; half of a flight is more level
 
@@ -44,11 +45,10 @@ def _scaled(factor: float | np.ndarray, *columns: str) -> Callable[[Flight], Fli
     return mend
 
 
-def warnings(flight: Flight, first: Sequence[np.ndarray] = ()) -> list[Doubt]:
-    """What the checks say, in their order; `small` images of the `first` frames spare a look."""
-    motion = partial(_motion, first=first)
+def warnings(flight: Flight) -> list[Doubt]:
+    """What the checks say, in their order."""
     places = (_outside, tracking_doubts, _speed, _heights)
-    views: tuple[Callable[[Flight], Iterator[str]], ...] = (_angles, _view, motion, _extent)
+    views = (_angles, _view, _motion, _extent)
     others = (jump_doubts, _stamps, _splits, _floor, _features)
     said = (each for check in (*places, *views, *others) for each in check(flight))
     return [each if isinstance(each, Doubt) else Doubt(each) for each in said]
@@ -186,24 +186,26 @@ def _view(flight: Flight) -> Iterator[str]:
     )
 
 
-def _motion(flight: Flight, first: Sequence[np.ndarray] = ()) -> Iterator[str]:
+def _motion(flight: Flight) -> Iterator[str]:
     """Pictures that move or turn otherwise than the positions and the yaw beside them."""
     yaw = np.full(len(flight), np.nan) if flight.attitude is None else flight.attitude[:, 2]
-    moving = followed_rows(flight) if flight.located.any() else np.arange(0)
+    moving = motion.followed_rows(flight) if flight.located.any() else np.arange(0)
     rows = np.union1d(moving, np.flatnonzero(np.isfinite(yaw))[:OFFSET_FRAMES])
     try:
-        seen = len(first) > rows.max(initial=-1)
-        images = (first[row] for row in rows) if seen else map(small, flight.select(rows).images())
-        pictures = list(images)
+        chosen = flight.select(rows)
+        files = chosen.frames.files if type(chosen.frames) is ImageFiles else ()
+        pictures = list(ahead(read_small, files) if files else map(small, chosen.images()))
     except TrextonError:
         return  # no images, or said already
-    motion, part = seen_motion(pictures), np.isin(rows, moving)
+    if len({each.shape for each in pictures}) > 1:
+        return
+    seen, part = motion.seen_motion(pictures), np.isin(rows, moving)
     if len(moving) and not any(sure for *_, sure in lost_rows(flight.time, flight.position)):
-        doubts = list(motion_doubts(flight, moving, tuple(each[part] for each in motion)))
+        doubts = list(motion.motion_doubts(flight, moving, tuple(each[part] for each in seen)))
         # Over tiles one is taken for the next.
-        if doubts and np.mean([repeats(each) for each in compress(pictures, part)]) <= 0.5:
+        if doubts and np.mean([motion.repeats(each) for each in compress(pictures, part)]) <= 0.5:
             yield from doubts
-    turned, time, known = turns(motion), flight.time[rows], np.isfinite(yaw[rows])
+    turned, time, known = motion.turns(seen), flight.time[rows], np.isfinite(yaw[rows])
     if len(set(yaw[rows][known])) == 1 and np.abs(np.nancumsum(turned)).max() > TURNED:
         yield "the pictures turn, the yaw never changes: was it recorded? leave the attitude out"
     found = time_offset(time, turned, time[known], yaw[rows][known])

@@ -7,10 +7,14 @@ multiple proprioceptive and exteroceptive sensors", 2014, by their turns). No ma
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trexton.base.pictures import damage, declared_size, decode
+from trexton.vision.images import checked_bytes, read_image
 from trexton.vision.visual_odometry import FEWEST, shrink
 
 EARLIEST_S, LONGEST_S, STEP_S = -0.2, 0.8, 0.01  # the offsets that are tried
@@ -63,6 +67,17 @@ def small(image: np.ndarray) -> np.ndarray:
     """``(h, w) uint8`` luma of an ``(H, W, 3) uint8`` Y, U, V image, about `WIDTH` pixels wide."""
     luma = np.ascontiguousarray(image[..., 0])
     return shrink(luma, max(1, round(luma.shape[1] / WIDTH)))
+
+
+def read_small(file: Path) -> np.ndarray:
+    """`small` of a file that `read_image` can read; a JPEG is decoded no larger than it takes."""
+    data = checked_bytes(file)
+    wide = (declared_size(data) or (0,))[0]
+    part = next((each for each in (8, 4, 2) if each * WIDTH <= wide), 0)
+    luma = None
+    if part and data[:2] == b"\xff\xd8" and not damage(data):
+        luma = decode(data, getattr(cv2, f"IMREAD_REDUCED_GRAYSCALE_{part}"))
+    return small(read_image(file) if luma is None else luma[..., None])
 
 
 def time_offset(
