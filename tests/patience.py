@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,15 @@ __all__ = ["alive", "eventually"]
 
 
 def eventually(true: Callable[[], Any], patience: float = 120.0) -> Any:
-    """What it returns once that is true; False where it never becomes so."""
+    """What it returns once that is true; False where it never becomes so. A file that is looked for
+    may come and go, as one that is only tried."""
     end = time.monotonic() + patience
-    while not (found := true()):
-        if time.monotonic() > end:
-            return False
+    while time.monotonic() < end:
+        with suppress(FileNotFoundError):
+            if found := true():
+                return found
         time.sleep(0.005)
-    return found
+    return False
 
 
 def alive(process: int) -> bool:
