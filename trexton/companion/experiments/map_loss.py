@@ -24,6 +24,7 @@ from trexton.companion.experiments.similarity import (
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, length_unit, show_floor
 from trexton.companion.wording import number, span
 from trexton.flights.flight import Flight
+from trexton.localization.localizer import TextonMap
 from trexton.localization.training_set import EXCLUDED_SECONDS, training_set
 
 AUTHORS = 0.8  # sigma in metres
@@ -59,7 +60,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     half, double = (local_losses(histograms, positions, factor * sigma) for factor in (0.5, 2))
     rng = stream(parameters.seed, "parts")
     prediction = {"correlation": rank_correlation(losses, errors, rng=rng)}
-    prediction |= _in_flight(train, test, losses, sigma, parameters)
+    prediction |= _in_flight(texton_map, train, test, losses, sigma, parameters)
     floor, pictures = floor_picture(train)
     return parameters.record(
         train,
@@ -107,11 +108,16 @@ def _similarity(histograms: np.ndarray, positions: np.ndarray, seed: int) -> dic
 
 
 def _in_flight(
-    train: Flight, test: Flight, losses: np.ndarray, sigma: float, parameters: Parameters
+    texton_map: TextonMap,
+    train: Flight,
+    test: Flight,
+    losses: np.ndarray,
+    sigma: float,
+    parameters: Parameters,
 ) -> dict[str, Any]:
     """Correlations of another flight: the smoothed loss of each place, its mean error."""
-    expected = smooth(losses, map_of(train, parameters).positions, test.position, sigma)
-    runs = flown(train, test, parameters)
+    expected = smooth(losses, texton_map.positions, test.position, sigma)
+    runs = flown(train, test, parameters, texton_map=texton_map)
     errors = {
         "test_knn": np.mean([euclidean(run.knn, test.position) for run in runs], axis=0),
         "test_filter": np.mean([run.errors(test.position) for run in runs], axis=0),

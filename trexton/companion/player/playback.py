@@ -70,7 +70,7 @@ def replay(train: Flight, test: Flight, parameters: MapParameters) -> PlayedFlig
     """
     rng, texton_map = stream(parameters.seed, "flight", 0), map_of(train, parameters)
     counts: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
-    localizer = Localizer(texton_map, rng=rng, **counts)  # the run 0 that every page quotes
+    localizer = Localizer(texton_map, rng=rng, **counts)  # run 0, which every page quotes
     known = (train.floor, train.camera, train.height)
     laid = test.has_images and all(each is not None for each in known)
     others = {}
