@@ -144,7 +144,7 @@ class ParticleFilter:
         if observation is not None:
             self.measurement.prepare_frame(observation)
         previous = self.belief
-        if previous.measured:
+        if not np.isnan(previous.log_mean_likelihood):
             drawn = self.resampling.indices(previous.weights, self.rng)
             states = previous.states.take(drawn, axis=0)
         else:  # equal weights need no resampling, which would only lose particles

@@ -186,7 +186,8 @@ class Localizer:
         self._mark("estimate")
         if observation is None:
             return replace(estimate, observed=False, measurement=None)
-        histogram, neighbors = observation.computed
+        asked = vars(observation)  # as far as anything asked for them
+        histogram, neighbors = asked.get("histogram"), asked.get("neighbors")
         return replace(estimate, observed=True, histogram=histogram, neighbors=neighbors)
 
     def _now(self, time: float | None) -> float:

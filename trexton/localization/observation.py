@@ -53,8 +53,3 @@ class Observation:
         """The most similar training histograms."""
         assert self._search is not None  # every localizer gives it
         return self._search(self.histogram)
-
-    @property
-    def computed(self) -> tuple[np.ndarray | None, Neighbors | None]:
-        """Histogram and neighbours as far as they were asked for."""
-        return self.__dict__.get("histogram"), self.__dict__.get("neighbors")

@@ -80,11 +80,6 @@ class Belief:
     log_mean_likelihood: float = np.nan
     lost: bool = False
 
-    @property
-    def measured(self) -> bool:
-        """Whether the weights come from a measurement."""
-        return self.log_mean_likelihood == self.log_mean_likelihood
-
 
 class Estimation(Part):
     """Base of all point estimates."""

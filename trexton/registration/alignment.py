@@ -41,6 +41,15 @@ class Alignment:
     flow: float
 
 
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A place in cells (column, row), the belief in it, and the frame aligned there."""
+
+    place: np.ndarray
+    held: float
+    aligned: Alignment
+
+
 class Aligner:
     """Aligns shrunken frames with the floor.
 

@@ -44,6 +44,12 @@ class CellBelief:
             even = (1 - kept) * even + kept / float(before.sum()) * before
         self.mass = np.repeat(even[None] / len(headings), len(headings), axis=0)
 
+    def expect(self, place: Array, radius: int) -> None:
+        """Half of the belief goes to within `radius` cells of a place, whatever was seen there."""
+        box = self._box(place, radius)
+        self.mass /= 2
+        self.mass[box] += self.allowed[box[1:]] / (2 * max(1, self.mass[box].size))
+
     def move(self, cells: np.ndarray, sigma: float) -> None:
         """Shift by ``(K, 2)`` (columns, rows), one row a heading, and widen by `sigma` cells."""
         for index, (right, down) in enumerate(cells):

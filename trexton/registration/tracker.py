@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trexton.registration.alignment import Aligner, Alignment
+from trexton.registration.alignment import Aligner, Alignment, Candidate
 from trexton.registration.belief import KNOWN, CellBelief, ViewMotion, Window
 from trexton.registration.ground import FRAME, CoarseMatcher, Ground, fine_cell
 from trexton.registration.prior import ALL_HEADINGS, PosePrior, Seen
@@ -30,6 +30,7 @@ _HELD, _ANEW = 0.9, 0.99  # belief from which a place is the place, still or ane
 _PATIENCE = 12  # frames without a sight of the floor after which the last pose is forgotten
 _DRIFT = 0.15  # cells a frame: the error of odometry
 _BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)  # a cell and its neighbours
+_WHOLE = 1.5  # times the least score: what a place shows that odometry does not expect
 _KEPT = 0.9  # of the belief, when the floor is not where it should be
 
 
@@ -70,6 +71,7 @@ class FloorTracker:
         self.coarse = CoarseMatcher(ground, self.camera)
         self.aligner = Aligner(Ground.from_map(picture, cell), self.camera)
         self.belief = CellBelief(ground.near(0.3 * footprint))
+        self._near = _NEAR * ground.cell
         self.reset()
 
     def reset(self) -> None:
@@ -82,7 +84,7 @@ class FloorTracker:
         self._missed = _PATIENCE  # frames since the floor was last seen where it should be
         self._gone = 0  # frames that did not come since the last that did
         self._last: FloorFix | None = None
-        self._found = False  # whether the pose of the last is one that was, moved on
+        self._carried = False  # whether the pose of the last is one that was found, moved on
 
     def step(
         self,
@@ -120,21 +122,25 @@ class FloorTracker:
         elif prior.turned:
             self.belief.headings[:] = prior.mean[5]
         moved = self._predict(seen)
+        going = self._moved_on(self._last, moved) if self._last and self._carried else None
+        if going is not None and self._last and self._last.lost:
+            self.belief.expect(self.coarse.ground.to_cells(self.aligner.center(going)), _NEAR)
         self._weigh(seen, None if self._missed else self.belief.support(_MARGIN))
-        fix, best = self._settle(seen, self._candidates(seen, moved))
+        fix, best = self._settle(seen, self._candidates(seen, moved), going)
         if fix.score < self.trust.least and self._missed == 0:
             # Where the last frame seemed to be is no witness of the heading, if that was in doubt.
             doubted = self._last is not None and self._last.lost and not prior.turned
             headings = ALL_HEADINGS if doubted else prior.headings
             self.belief.reset(headings, kept=_KEPT)
             self._weigh(seen)
-            fix, best = self._settle(seen, self._candidates(seen, moved))
+            fix, best = self._settle(seen, self._candidates(seen, moved), going)
         if fix.score < self.trust.least:
             fix = self._coast(fix, moved, seen)
         else:
-            fix = self._remember(fix, moved)
+            fix = self._remember(fix, going)
             if not fix.lost:
                 self.pose_prior.learn(prior, best)
+        self._carried = not fix.lost or (self._carried and seen.sure >= _CERTAIN)
         self._gone = 0
         self.tilt_bias = None if prior.tilt is None else self.pose_prior.tilt.tilt_bias
         if self.pose_prior.reject(prior, fix, fix.score >= self.trust.least):
@@ -173,7 +179,7 @@ class FloorTracker:
         self.belief.weigh(np.array(fits), window)
         self.belief.drop_headings()
 
-    def _candidates(self, seen: Seen, moved: Array) -> list[_Candidate]:
+    def _candidates(self, seen: Seen, moved: Array) -> list[Candidate]:
         """Align the frame at the most likely places, and where the last pose moved to."""
         starts, continued = [], -1
         # As long as it is lost, a place is worth a look however little is believed of it.
@@ -197,10 +203,12 @@ class FloorTracker:
             if index == continued:
                 deviation = np.array([*[KNOWN * self.coarse.ground.cell] * 2, *deviation[2:]])
             aligned = self.aligner.align(seen.frame, start, deviation)
-            candidates.append(_Candidate(place, held, aligned))
+            candidates.append(Candidate(place, held, aligned))
         return candidates
 
-    def _settle(self, seen: Seen, candidates: list[_Candidate]) -> tuple[FloorFix, Alignment]:
+    def _settle(
+        self, seen: Seen, candidates: list[Candidate], going: Array | None
+    ) -> tuple[FloorFix, Alignment]:
         """Weigh the candidates by how well they fit once aligned, and take the best."""
         scores = np.array([each.aligned.score for each in candidates])
         gains = self.trust.gain(scores, self.trust.fine)
@@ -224,8 +232,10 @@ class FloorTracker:
                 # The others are as far from the grid, and turn with the vehicle as well.
                 apart = wrapped(best.pose[5] - self.belief.headings)
                 self.belief.headings += apart[int(np.argmin(abs(apart)))]
-        anew = not self.alone and (self._last is None or self._last.lost)
-        lost = held < (_ANEW if anew else _HELD) or best.score < self.trust.least
+        far = going is not None and np.hypot(*(best.pose - going)[:2]) > self._near
+        anew = not self.alone and (self._last is None or self._last.lost or far)
+        least = self.trust.least * (_WHOLE if far else 1)
+        lost = held < (_ANEW if anew else _HELD) or best.score < least
         covariance = self.trust.covariance(best.covariance)
         if lost:
             covariance = self.belief.moments()[1] * self.coarse.ground.cell**2
@@ -241,7 +251,7 @@ class FloorTracker:
             if self._pose is not None and not seen.prior.turned:
                 self.belief.reset(ALL_HEADINGS)
             self._pose = self._view.velocity = None
-            if last is not None and self._found:
+            if last is not None and self._carried:
                 fix = replace(fix, pose=self._moved_on(last, moved))
             self._last = fix
             return fix
@@ -253,17 +263,15 @@ class FloorTracker:
         self._last = replace(fix, lost=last.lost or seen.sure < _CERTAIN)
         return self._last
 
-    def _remember(self, fix: FloorFix, moved: Array) -> FloorFix:
+    def _remember(self, fix: FloorFix, going: Array | None) -> FloorFix:
         """The floor was recognized at `fix`; while that is in doubt, odometry says better where."""
         self._view.velocity = None
         if self._pose is not None and self._missed == 0:
             self._view.learn(self._gone + 1)
         self._pose, self._missed = fix.pose, 0
-        if fix.lost and self._found and self._last is not None:
-            going = self._moved_on(self._last, moved)
-            if np.hypot(*(fix.pose - going)[:2]) > _NEAR * self.coarse.ground.cell:
-                fix = replace(fix, pose=going)
-        self._last, self._found = fix, self._found or not fix.lost
+        if fix.lost and going is not None and np.hypot(*(fix.pose - going)[:2]) > self._near:
+            fix = replace(fix, pose=going)
+        self._last = fix
         return fix
 
     def _moved_on(self, last: FloorFix, moved: Array) -> Array:
@@ -285,12 +293,3 @@ class FloorTracker:
         return replace(
             last, pose=pose, covariance=wider, lost=lost, observed=False, heading_sigma=np.nan
         )
-
-
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """A place in cells (column, row), the belief in it, and the frame aligned there."""
-
-    place: Array
-    held: float
-    aligned: Alignment

@@ -74,9 +74,8 @@ def read_small(file: Path) -> np.ndarray:
     data = checked_bytes(file)
     wide = (declared_size(data) or (0,))[0]
     part = next((each for each in (8, 4, 2) if each * WIDTH <= wide), 0)
-    luma = None
-    if part and data[:2] == b"\xff\xd8" and not damage(data):
-        luma = decode(data, getattr(cv2, f"IMREAD_REDUCED_GRAYSCALE_{part}"))
+    whole = not part or data[:2] != b"\xff\xd8" or damage(data)
+    luma = None if whole else decode(data, getattr(cv2, f"IMREAD_REDUCED_GRAYSCALE_{part}"))
     return small(read_image(file) if luma is None else luma[..., None])
 
 

@@ -31,7 +31,6 @@ from trexton.companion.experiments.evaluation import (
     frames_of,
     map_of,
     method_map,
-    neighbor_means,
     shuffled_neighbors,
     whereabouts,
 )
@@ -94,9 +93,7 @@ def _run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             field_map = texton_map
     rng = stream(parameters.seed, "intervals")
     k = min(parameters.neighbors, len(base.positions))
-    runs["knn"] = neighbor_means(
-        base, frames, k=k, samples=parameters.samples, seed=parameters.seed
-    )
+    runs["knn"] = flown(train, test, parameters, repeats=1)[0].knn
     runs["centre"] = constant_guess(base.positions, len(test))
     runs["shuffled"] = shuffled_neighbors(base.positions, len(test), k, rng=rng)
     values: dict[str, Any] = {

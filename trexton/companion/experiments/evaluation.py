@@ -19,9 +19,8 @@ from trexton.companion.experiments.metrics import (
 )
 from trexton.companion.experiments.track import ARRAYS, Track, tracks
 from trexton.flights.flight import Flight
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import TextonMap
 from trexton.localization.map_files import from_arrays, to_arrays
-from trexton.localization.neighbors import NearestHistograms
 from trexton.localization.training import for_method, train_map
 from trexton.vision.camera import MapImage
 from trexton.vision.histograms import sampled_histogram
@@ -141,19 +140,6 @@ def drawn_histograms(test: Flight, texton_map: TextonMap, samples: int, seed: in
             sampled_histogram(image, dictionary, samples, rng=rng, cells=texton_map.cells)
             for image in images
         ]
-    )
-
-
-def neighbor_means(
-    texton_map: TextonMap, frames: Sequence[np.ndarray], *, k: int, samples: int, seed: int
-) -> np.ndarray:
-    """``(N, 2)`` plain means of the k neighbours of each frame, the paper's method without its
-    filter.
-    """
-    nearest = NearestHistograms(texton_map.histograms, texton_map.positions, k)
-    observer = Localizer(texton_map, samples=samples, rng=stream(seed, "neighbours"))
-    return np.array(
-        [nearest.query(observer.observe(frame)).position.mean(axis=0) for frame in frames]
     )
 
 
