@@ -5,6 +5,7 @@ from __future__ import annotations
 from copy import deepcopy
 from functools import cache
 
+import cv2
 import numpy as np
 
 from trexton.registration.tracker import FloorTracker
@@ -13,7 +14,7 @@ from trexton.simulator.floor import Floor
 from trexton.simulator.recording import Plan, random_waypoints
 from trexton.simulator.sensor import Effects
 from trexton.simulator.simulator import Simulator
-from trexton.vision.camera import Camera
+from trexton.vision.camera import Camera, MapImage
 
 CAMERA = Camera(320, 240, 260.0)
 
@@ -69,3 +70,26 @@ def errors(tracker: FloorTracker, rows, known: bool) -> tuple[np.ndarray, list[F
         fixes.append(tracker.step(frame, attitude=measured))
     truth = np.array([position[:2] for _, position, _ in rows])
     return np.hypot(*(np.array([fix.position for fix in fixes]) - truth).T), fixes
+
+
+def covered(image: np.ndarray, top: int, left: int, rows: int, columns: int) -> np.ndarray:
+    """The picture of a floor, with a rug of squares over a part of it."""
+    drawn = np.random.default_rng(4).integers(0, 255, (16, 16, 3)).astype(np.uint8)
+    image = image.copy()
+    image[top : top + rows, left : left + columns] = cv2.resize(
+        drawn, (columns, rows), interpolation=cv2.INTER_NEAREST
+    )
+    return image
+
+
+def across(picture: MapImage, start, goal, frames: int):
+    """As `flight`, over such a floor from one place to another."""
+    room = Simulator(
+        Floor(picture), camera=CAMERA, effects=Effects().without("jpeg"), start=start, speed=0.6,
+        rng=np.random.default_rng(5),
+    )  # fmt: skip
+    rows = []
+    for _ in range(frames):
+        state = room.step(np.array(goal))
+        rows.append((room.render(), state.position, state.attitude))
+    return rows

@@ -4,12 +4,21 @@ trust.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import cv2
 import numpy as np
 import pytest
-from registration_tools import CAMERA, errors, flight, tracker_as_new, waypoints
+from registration_tools import (
+    CAMERA,
+    across,
+    covered,
+    errors,
+    flight,
+    tracker_as_new,
+    waypoints,
+)
 
 from trexton.base.errors import MapError
 from trexton.registration.alignment import Aligner
@@ -18,7 +27,6 @@ from trexton.registration.ground import CoarseMatcher, Ground, fine_cell
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import FloorFix, Trust, learn_trust
 from trexton.simulator.floor import Floor
-from trexton.simulator.sensor import Effects
 from trexton.simulator.simulator import Simulator
 from trexton.vision.camera import MapImage, transform_points
 from trexton.vision.visual_odometry import shrink, shrunken_camera
@@ -277,23 +285,30 @@ def test_a_sight_of_nothing_is_coasted_over_and_then_given_up():
 def test_over_a_rug_odometry_says_where_until_a_place_is_certain():
     """Places far away fit better than the true one, whose floor lies under the rug."""
     picture = Floor.painted("carpet", 4).picture
-    image, rng = picture.image.copy(), np.random.default_rng(4)
-    rows, columns = image.shape[:2]
-    drawn = rng.integers(0, 255, (16, 16, 3)).astype(np.uint8)
-    rug = cv2.resize(drawn, (columns // 4, rows // 4), interpolation=cv2.INTER_NEAREST)
-    image[rows // 3 :, columns // 3 :][: rows // 4, : columns // 4] = rug
-    changed = Floor(MapImage(image, picture.world_from_pixel, picture.mask))
-    room = Simulator(
-        changed, camera=CAMERA, effects=Effects().without("jpeg"), start=(0.8, 2.9), speed=0.6,
-        rng=np.random.default_rng(5),
-    )  # fmt: skip
-    flown = []
-    for _ in range(90):
-        state = room.step(np.array([4.4, 3.0]))
-        flown.append((room.render(), state.position, state.attitude))
+    rows, columns = picture.image.shape[:2]
+    image = covered(picture.image, rows // 3, columns // 3, rows // 4, columns // 4)
+    flown = across(replace(picture, image=image), (0.8, 2.9), (4.4, 3.0), 90)
     error, fixes = errors(FloorTracker(picture, CAMERA, 1.0), flown, False)
     lost = np.array([fix.lost for fix in fixes])
     assert lost[5:].any() and error[5:].max() < 0.3
+
+
+@pytest.mark.parametrize(("start", "goal"), [(4.4, 0.5), (1.6, 4.4)], ids=["onto it", "off it"])
+def test_a_place_that_looks_like_the_floor_under_a_rug_is_not_taken_for_it(start, goal):
+    """Half a room away lies, a little soiled, the floor that the rug makes of this one."""
+    picture = Floor.painted("hall", 4).picture
+    rows, columns = picture.image.shape[:2]
+    half = columns // 2
+    changed = covered(picture.image, rows // 2, columns // 6, rows // 3, columns // 5)
+    dirt = np.random.default_rng(3).normal(0, 90, (rows // 40, half // 40, 3))
+    surveyed = picture.image.copy()
+    surveyed[:, half:] = np.clip(changed[:, :half] + cv2.resize(dirt, (half, rows)), 0, 255)
+    flown = across(replace(picture, image=changed), (1.3, start), (1.3, goal), 80)
+    tracker = FloorTracker(replace(picture, image=surveyed), CAMERA, 1.0, trust=Trust(least=0.54))
+    error, fixes = errors(tracker, flown, False)
+    lost = np.array([fix.lost for fix in fixes])
+    assert lost.sum() > 12 and not (error[~lost] > 0.1).any()
+    assert lost[-1] == (goal < 1) and error[-1] < 0.1  # odometry carries it over the rug
 
 
 @pytest.mark.parametrize("known", [True, False])
