@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pandas as pd
 import pytest
-from conftest import small_flight
+from conftest import ROOT, small_flight
 
 from trexton.base.errors import ParameterError
 from trexton.cli import main as cli
@@ -72,6 +72,24 @@ def test_the_table_holds_every_number_and_no_times(flight, tmp_path, in_place):
     assert "timings" not in table and "total_ms" not in table
     (cell,) = (tmp_path / "out" / "cells" / "small").iterdir()
     assert json.loads(cell.read_text())["timings"]["total_ms"]["median"] > 0
+
+
+def test_a_cell_runs_again_when_the_code_of_an_own_experiment_changed(
+    flight, tmp_path, in_place, monkeypatch
+):
+    in_place()
+    module = tmp_path / "own_sweep.py"
+    source = (ROOT / "tests" / "tiny_experiment.py").read_text().replace(
+        'raise NotImplementedError("a tiny notebook makes its record itself")',
+        "return Record('own_sweep', train.name, parameters.as_dict(), {'n': 1})",
+    ) + "EXPERIMENT = tiny('My own')\n"  # fmt: skip
+    module.write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("TREXTON_PLUGINS", "own_sweep")
+    plan = SweepPlan("own_sweep", {}, [FlightPair(flight)])
+    counts = [sweep(plan, tmp_path / "out", jobs=1).counts["ran"] for _ in "ab"]
+    module.write_text(source + "# edited\n")
+    assert [*counts, sweep(plan, tmp_path / "out", jobs=1).counts["ran"]] == [1, 0, 1]
 
 
 def test_the_plan_is_a_file(flight, tmp_path, capsys, in_place):

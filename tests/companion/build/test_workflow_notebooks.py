@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import sys
 
 import pytest
 from conftest import ROOT
 from tiny_notebooks import write_notebook
 
 from trexton.base.errors import TrextonError
+from trexton.base.plugins import PLUGINS
+from trexton.companion.build import notebooks
 from trexton.companion.build.engine import Fact, Step, _reasons
 from trexton.companion.build.notebooks import Notebook, find_notebooks
 from trexton.companion.experiments.registry import EXPERIMENTS
@@ -106,6 +110,78 @@ def test_every_registered_experiment_has_a_notebook_and_every_dependency_exists(
         assert experiment.every_flight or "given.parameters" in notebooks[name].text
         assert experiment.parameters().as_dict() == experiment.parameters.parse({}).as_dict()
     assert {path.stem for path in (ROOT / "notebooks").glob("*.md")} <= EXPERIMENTS.keys()
+
+
+@pytest.fixture
+def plugged(tmp_path, monkeypatch):
+    """Where packages of a person's own lie; a way to write there; inputs of two notebooks."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(notebooks, "_registered", notebooks._registered.__wrapped__)
+
+    def write(**sources):
+        for name, source in sources.items():
+            path = tmp_path / f"{name.replace('__', '/')}.py"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(source)
+        importlib.invalidate_caches()
+
+    def inputs(*names):
+        found = find_notebooks(None, EXPERIMENTS)
+        return [found[name].inputs({}, {}) for name in names]
+
+    before = sys.modules.copy()
+    yield tmp_path, write, inputs
+    for name in sys.modules.keys() - before.keys():
+        if name.partition(".")[0] in ("beside", "own_study", "walks"):
+            del sys.modules[name]
+
+
+def test_the_code_of_a_plugin_goes_into_what_could_use_it(plugged, monkeypatch):
+    folder, write, inputs = plugged
+    without = inputs("fine", "claims")
+    write(walks__way="from walks.core import steps", walks__core__steps="STEP = 1")
+    write(walks__hall="import trexton.simulator.hall", unused="")
+    assert inputs("fine", "claims") == without, "nobody has named it"
+    monkeypatch.setenv(PLUGINS, "walks.way")
+    [first, ledger] = inputs("fine", "claims")
+    files = {f"module {folder / name}" for name in ("walks/way.py", "walks/core/steps.py")}
+    assert first.keys() >= files | {"module trexton.simulator.hall"}
+    assert f"module {folder / 'unused.py'}" not in first
+    assert inputs("fine", "claims") == [first, ledger]
+    write(walks__core__steps="STEP = 2")
+    for before, now in zip([first, ledger], inputs("fine", "claims"), strict=True):
+        [said] = reasons(before, now)
+        assert said.startswith(f"module {folder / 'walks/core/steps.py'} ")
+    monkeypatch.delenv(PLUGINS)
+    assert inputs("fine", "claims") == without
+
+
+def test_an_experiment_of_ones_own_goes_into_its_page_and_the_ledger(plugged, monkeypatch):
+    folder, write, inputs = plugged
+    source = (ROOT / "tests" / "tiny_experiment.py").read_text()
+    write(own_study=source + "EXPERIMENT = tiny('My own')\n", beside="STEP = 1")
+    (folder / "own_study.md").write_text("# My own\n")
+    monkeypatch.setenv(PLUGINS, "own_study")
+    before = inputs("own_study", "fine", "claims")
+    write(own_study=source + "EXPERIMENT = tiny('Another')\n", beside="STEP = 2")
+    own, fine, ledger = map(reasons, before, inputs("own_study", "fine", "claims"))
+    assert fine == [] and own == ledger
+    assert [f"module {folder / name}.py" for name in ("beside", "own_study")] == sorted(
+        said.partition(" ")[0] + " " + said.split(" ")[1] for said in own
+    )
+
+
+def test_a_part_that_an_installed_package_registers_counts(plugged):
+    folder, write, inputs = plugged
+    write(walks="STEP = 1")
+    about = folder / "walks-1.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Name: walks\nVersion: 1\n")
+    (about / "entry_points.txt").write_text("[trexton.motion]\nown = walks:Walk\n")
+    [before] = inputs("fine")
+    write(walks="STEP = 2")
+    [said] = reasons(before, *inputs("fine"))
+    assert said.startswith(f"module {folder / 'walks.py'} ")
 
 
 def read(path):

@@ -9,8 +9,9 @@ import json
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from trexton import _EXPORTS
 from trexton.base.cache import code_hashes, shipped
 from trexton.base.errors import ParameterError
 from trexton.base.files import digest, read_text
+from trexton.base.plugins import PLUGINS, is_there
 from trexton.base.records import software_versions
 from trexton.companion.build.engine import Entries, labelled
 from trexton.companion.experiments.declaration import Experiment
@@ -59,17 +61,19 @@ def find_notebooks(
             module = find_spec(experiments[name].module)
             path = Path(str(module and module.origin)).with_suffix(".md")
         if path.is_file():
-            notebooks[name] = Notebook(name, str(path), read_text(path))
+            own = own_code(name, experiments)
+            notebooks[name] = Notebook(name, str(path), read_text(path), own)
     return notebooks
 
 
 @dataclass(frozen=True)
 class Notebook:
-    """A MyST text notebook and what it says without running it."""
+    """A MyST text notebook, what it says without running it, and code of plugins it may use."""
 
     name: str
     source: str
     text: str
+    plugged: Mapping[str, str] = field(default_factory=dict)
 
     def inputs(self, parameters: Mapping[str, object], data: Mapping[str, str]) -> Entries:
         """Everything that goes into a run but the records of other experiments, in words."""
@@ -83,9 +87,9 @@ class Notebook:
 
     @cached_property
     def code(self) -> dict[str, str]:
-        """SHA-256 of every module of this package that the notebook names or reaches."""
-        hashes: dict[str, str] = {}
-        for module, words in _IMPORT.findall(self.text):
+        """SHA-256 of every module that the notebook or plugins name or reach, and of plugins."""
+        hashes = {file: digest(text) for file, text in self.plugged.items()}
+        for module, words in _IMPORT.findall("\n".join([self.text, *self.plugged.values()])):
             names = re.findall(r"\w+", words)
             lazy = [_EXPORTS.get(name, "") for name in names] if module == "trexton" else []
             for name in (module, *lazy, *(f"{module}.{name}" for name in names)):
@@ -98,6 +102,30 @@ class Notebook:
         words = re.findall(r"""["']([\w-]+)["']""", self.text)
         kept = {path: path.stem.removeprefix("sweep-") for path in kept_results()}
         return {path.name: digest(path) for path, name in kept.items() if name in words}
+
+
+@cache
+def _registered() -> list[str]:
+    found = entry_points()
+    groups = {each for each in found.groups if each.startswith("trexton.")} - {"trexton.commands"}
+    return [one.module for each in groups for one in found.select(group=each)]
+
+
+def own_code(name: str, experiments: Mapping[str, Experiment]) -> dict[str, str]:
+    """By file the Python code of a person's own that an experiment could use: of all plugins, but
+    those that declare another, their packages, or the files beside them.
+    """
+    modules = {*os.environ.get(PLUGINS, "").split(","), *_registered()} - {""}
+    if modules and not experiments[name].every_flight:
+        modules -= {each.module for key, each in experiments.items() if key != name}
+    files: dict[str, str] = {}
+    for top in {each.partition(".")[0] for each in modules if is_there(each)}:
+        spec = find_spec(top)
+        packages = (spec and spec.submodule_search_locations) or ()
+        found = [path for each in packages for path in Path(each).rglob("*.py")]
+        found = found or [*Path(str(spec and spec.origin)).parent.glob("*.py")]
+        files |= {str(path): path.read_text("utf-8", "replace") for path in found}
+    return files
 
 
 def inputs_of(

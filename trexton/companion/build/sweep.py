@@ -22,7 +22,7 @@ from trexton.companion.build import engine
 from trexton.companion.build.display import Display
 from trexton.companion.build.engine import Step, files_fact
 from trexton.companion.build.flight_pairs import FlightPair, check_out, load_pair
-from trexton.companion.build.notebooks import inputs_of
+from trexton.companion.build.notebooks import Notebook, inputs_of, own_code
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.workers import Call, callers
 from trexton.companion.experiments.declaration import Experiment
@@ -151,12 +151,13 @@ def _cells(
     plan: SweepPlan, experiment: Experiment, chosen: Sequence[Options], out: Path, call: Call
 ) -> list[_Cell]:
     cells, module = [], experiment.module
+    own = Notebook(module, "", "", own_code(plan.experiment, EXPERIMENTS)).code
     for pair, parameters in itertools.product(plan.pairs, chosen):
         name = f"{pair.name}/{plan.experiment}-{digest(parameters.as_dict())[:12]}"
         path = out / "cells" / f"{name}.json"
         step = Step(
             name,
-            inputs_of(parameters.as_dict(), code_hashes(module), pair.hashes),
+            inputs_of(parameters.as_dict(), code_hashes(module) | own, pair.hashes),
             partial(_measure_here, call, module, pair, parameters, path),
             [files_fact(f"{name}: outputs", partial(path.parent.glob, path.name))],
             alone=experiment.alone,

@@ -92,10 +92,9 @@ def _run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         if hasattr(texton_map.parts.get("measurement"), "predicted_error"):
             field_map = texton_map
     rng = stream(parameters.seed, "intervals")
-    k = min(parameters.neighbors, len(base.positions))
     runs["knn"] = flown(train, test, parameters, repeats=1)[0].knn
     runs["centre"] = constant_guess(base.positions, len(test))
-    runs["shuffled"] = shuffled_neighbors(base.positions, len(test), k, rng=rng)
+    runs["shuffled"] = shuffled_neighbors(base.positions, len(test), parameters.neighbors, rng=rng)
     values: dict[str, Any] = {
         "errors": {
             name: summarize([track[known]], test.position[known], test.diagonal, rng=rng)
