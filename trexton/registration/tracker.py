@@ -30,8 +30,7 @@ _HELD, _ANEW = 0.9, 0.99  # belief from which a place is the place, still or ane
 _PATIENCE = 12  # frames without a sight of the floor after which the last pose is forgotten
 _DRIFT = 0.15  # cells a frame: the error of odometry
 _BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)  # a cell and its neighbours
-_WHOLE = 1.6  # times the least score: what a place shows that odometry does not expect
-_START = 60  # frames in which the first place found must show so much too
+_WHOLE = 1.5  # times the least score: what a place shows that odometry does not expect
 _KEPT = 0.9  # of the belief, when the floor is not where it should be
 
 
@@ -85,7 +84,6 @@ class FloorTracker:
         self._missed = _PATIENCE  # frames since the floor was last seen where it should be
         self._gone = 0  # frames that did not come since the last that did
         self._last: FloorFix | None = None
-        self._starting = 0 if self.alone else _START  # of these frames, those left
         self._carried = False  # whether the pose of the last is one that was found, moved on
 
     def step(
@@ -129,9 +127,6 @@ class FloorTracker:
             self.belief.expect(self.coarse.ground.to_cells(self.aligner.center(going)), _NEAR)
         self._weigh(seen, None if self._missed else self.belief.support(_MARGIN))
         fix, best = self._settle(seen, moved, going)
-        self._starting = max(0, self._starting - 1) if fix.lost else 0
-        if self._starting and fix.score < _WHOLE * self.trust.least:
-            self.belief.reset(prior.headings, kept=_KEPT)  # it may look alike only
         if fix.score < self.trust.least and self._missed == 0:
             # Where the last frame seemed to be is no witness of the heading, if that was in doubt.
             doubted = self._last is not None and self._last.lost and not prior.turned
@@ -238,7 +233,7 @@ class FloorTracker:
                 self.belief.headings += apart[int(np.argmin(abs(apart)))]
         far = going is not None and np.hypot(*(best.pose - going)[:2]) > self._near
         anew = not self.alone and (self._last is None or self._last.lost or far)
-        least = self.trust.least * (_WHOLE if far or self._starting else 1)
+        least = self.trust.least * (_WHOLE if far else 1)
         lost = held < (_ANEW if anew else _HELD) or best.score < least
         covariance = self.trust.covariance(best.covariance)
         if lost:
