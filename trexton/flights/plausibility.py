@@ -194,10 +194,11 @@ def _motion(flight: Flight) -> Iterator[str]:
     try:
         chosen = flight.select(rows)
         files = chosen.frames.files if type(chosen.frames) is ImageFiles else ()
-        images = ahead(read_small, files) if files else map(small, chosen.images())
-        pictures = np.stack(list(images))
-    except (TrextonError, ValueError):
-        return  # no images, of several sizes, or said already
+        pictures = list(ahead(read_small, files) if files else map(small, chosen.images()))
+    except TrextonError:
+        return  # no images, or said already
+    if len({each.shape for each in pictures}) > 1:
+        return
     seen, part = motion.seen_motion(pictures), np.isin(rows, moving)
     if len(moving) and not any(sure for *_, sure in lost_rows(flight.time, flight.position)):
         doubts = list(motion.motion_doubts(flight, moving, tuple(each[part] for each in seen)))

@@ -159,15 +159,15 @@ class ViewMotion:
 
     Attributes
     ----------
-    aimed, before : (2,) array
-        That point in the last frame that was found, and in the one found before it, metres.
+    aimed : (2,) array
+        That point in the last frame that was found, metres.
     velocity : (2,) array or None
         Cells a frame (column, row), where it is known.
     """
 
     def __init__(self, cell: float, longest: float):
         self.cell, self.longest = cell, longest
-        self.aimed = self.before = np.zeros(2)
+        self.aimed = self._before = np.zeros(2)
         self.velocity: Array | None = None
         self._reach = 0.0  # cells: how far it moves from frame to frame
 
@@ -198,9 +198,13 @@ class ViewMotion:
             return np.zeros_like(shift), max(_UNKNOWN, self._reach) * steps
         return shift, KNOWN
 
+    def aim(self, place: Array) -> None:
+        """A frame was found to show this point, metres, in its middle."""
+        self._before, self.aimed = self.aimed, place
+
     def learn(self, frames: int) -> None:
         """Take the velocity from the last two points, so many frames apart."""
-        moved = (self.aimed - self.before) / frames
+        moved = (self.aimed - self._before) / frames
         cells = moved / self.cell * (1, -1)
         length = float(np.hypot(*cells))
         self.velocity = cells if length < self.longest / 4 else None

@@ -224,7 +224,7 @@ class FloorTracker:
             others *= float(np.sort(factors)[-2:][0])
         held = float(weights.max() / (weights.sum() + others))
         if best.score >= self.trust.least:
-            self._view.before, self._view.aimed = self._view.aimed, self.aligner.center(best.pose)
+            self._view.aim(self.aligner.center(best.pose))
             place = self.coarse.ground.to_cells(self._view.aimed)
             self.belief.sharpen(place, chosen.place, _MODE)
             if not seen.prior.turned:

@@ -116,16 +116,16 @@ def own_code(name: str, experiments: Mapping[str, Experiment]) -> dict[str, str]
     those that declare another, their packages, or the files beside them.
     """
     modules = {*os.environ.get(PLUGINS, "").split(","), *_registered()} - {""}
-    if modules and not experiments[name].every_flight:
-        modules -= {each.module for key, each in experiments.items() if key != name}
-    files: dict[str, str] = {}
+    others = {key for key in experiments if key not in (name, *MODULES)} if modules else ()
+    if others and not experiments[name].every_flight:
+        modules -= {experiments[key].module for key in others}
+    found: list[Path] = []
     for top in {each.partition(".")[0] for each in modules if is_there(each)}:
         spec = find_spec(top)
         packages = (spec and spec.submodule_search_locations) or ()
-        found = [path for each in packages for path in Path(each).rglob("*.py")]
-        found = found or [*Path(str(spec and spec.origin)).parent.glob("*.py")]
-        files |= {str(path): path.read_text("utf-8", "replace") for path in found}
-    return files
+        inside = [path for each in packages for path in Path(each).rglob("*.py")]
+        found += inside or [*Path(str(spec and spec.origin)).parent.glob("*.py")]
+    return {str(path): path.read_text("utf-8", "replace") for path in found}
 
 
 def inputs_of(
