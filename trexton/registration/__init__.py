@@ -2,6 +2,5 @@
 
 Normalised cross-correlation at a coarse resolution gives a belief over the whole floor, moved from
 frame to frame by visual odometry; optical flow against the view expected at the most likely places
-gives the camera's pose. The mosaic that makes such a picture, and the paper's homography, stand
-beside it.
+gives the camera's pose. Beside it: the mosaic that makes such a picture, the paper's homography.
 """

@@ -8,10 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trexton.vision.camera import wrapped
+
 _ANYWHERE = 1e-5  # of all belief is spread evenly at each step: no place is ever ruled out for good
 _NEGLIGIBLE = 1e-5  # of the largest belief: a cell below is not searched
+_ABOUT = 0.3  # radians: headings so near are one
 _SHARP = 0.4  # cells: how well a place is known once a frame was aligned there
-_SURE = 0.15  # certainty of the odometry from which it is believed
+SURE = 0.15  # certainty of the odometry from which it is believed
 _PLAIN = 0.5  # from which it is taken against the motion before; prints that repeat reach less
 _JUMP = 2.0  # cells a frame by which a motion may differ from the one before
 KNOWN, _ROUGH, _UNKNOWN = 0.4, 0.5, 2.0  # cells: what a step adds to the belief's width
@@ -44,9 +47,10 @@ class CellBelief:
             even = (1 - kept) * even + kept / float(before.sum()) * before
         self.mass = np.repeat(even[None] / len(headings), len(headings), axis=0)
 
-    def expect(self, place: Array, radius: int) -> None:
-        """Half of the belief goes to within `radius` cells of a place, whatever was seen there."""
-        box = self._box(place, radius)
+    def expect(self, place: Array, radius: int, heading: float) -> None:
+        """Half of the belief goes to within `radius` cells of a place, and to about a heading."""
+        near = abs(wrapped(self.headings - heading)) < _ABOUT
+        box = (near | ~near.any(), *self._box(place, radius)[1:])
         self.mass /= 2
         self.mass[box] += self.allowed[box[1:]] / (2 * max(1, self.mass[box].size))
 
@@ -190,11 +194,11 @@ class ViewMotion:
         if self.velocity is not None and last is not None:
             going = steps * self.velocity
             jump = float(np.hypot(*(last - going)))
-            if sure < (_PLAIN if jump > _JUMP else _SURE):
+            if sure < (_PLAIN if jump > _JUMP else SURE):
                 return np.tile(going, (len(shift), 1)), _ROUGH * steps**1.5
             # Where one of the two is wrong, the floor says which.
             return shift, jump if jump > _JUMP else KNOWN
-        if sure < _SURE:
+        if sure < SURE:
             return np.zeros_like(shift), max(_UNKNOWN, self._reach) * steps
         return shift, KNOWN
 

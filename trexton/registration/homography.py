@@ -48,8 +48,7 @@ def find_homography(
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """MAGSAC homography between ``(N, 2)`` matched points, and its ``(N,) bool`` inliers.
 
-    Inliers lie within `threshold` pixels. None for fewer than four matches, or where all of them
-    are degenerate.
+    Inliers lie within `threshold` pixels. None for fewer than four matches, or degenerate ones.
     """
     if len(source) >= 4:
         # At most 2000 iterations: a wrong set of matches would otherwise cost far more than a right

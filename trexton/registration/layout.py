@@ -83,8 +83,7 @@ class Anchors:
 def floor_points(poses: np.ndarray, offsets: np.ndarray, focal: float) -> np.ndarray:
     """``(L, K, 2)`` floor points that ``(L, 8)`` poses see at ``(L, K, 2)`` pixels.
 
-    Pixels are offsets from the principal point. Analytic in the poses, so complex poses give
-    derivatives.
+    Pixels are offsets from the principal point. Complex poses give derivatives.
     """
     x, y, z, roll, pitch, yaw, shear, stretch = (column[:, None] for column in poses.T)
     right = (offsets[..., 0] + shear * offsets[..., 1]) / focal

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trexton.registration.alignment import Aligner, Alignment, Candidate
-from trexton.registration.belief import KNOWN, CellBelief, ViewMotion, Window
+from trexton.registration.belief import KNOWN, SURE, CellBelief, ViewMotion, Window
 from trexton.registration.ground import FRAME, CoarseMatcher, Ground, fine_cell
 from trexton.registration.prior import ALL_HEADINGS, PosePrior, Seen
 from trexton.registration.trust import FloorFix, Trust
@@ -124,7 +124,8 @@ class FloorTracker:
         moved = self._predict(seen)
         going = self._moved_on(self._last, moved) if self._last and self._carried else None
         if going is not None and self._last and self._last.lost:
-            self.belief.expect(self.coarse.ground.to_cells(self.aligner.center(going)), _NEAR)
+            place = self.coarse.ground.to_cells(self.aligner.center(going))
+            self.belief.expect(place, _NEAR, going[5])
         self._weigh(seen, None if self._missed else self.belief.support(_MARGIN))
         fix, best = self._settle(seen, moved, going)
         if fix.score < self.trust.least and self._missed == 0:
@@ -140,7 +141,7 @@ class FloorTracker:
             fix = self._remember(fix, going)
             if not fix.lost:
                 self.pose_prior.learn(prior, best)
-        self._carried = not fix.lost or (self._carried and seen.sure >= _CERTAIN)
+        self._carried = not fix.lost or (self._carried and seen.sure >= SURE)
         self._gone = 0
         self.tilt_bias = None if prior.tilt is None else self.pose_prior.tilt.tilt_bias
         if self.pose_prior.reject(prior, fix, fix.score >= self.trust.least):
@@ -183,7 +184,7 @@ class FloorTracker:
         """Align the frame at the most likely places, and where the last pose moved to."""
         starts, continued = [], -1
         # As long as it is lost, a place is worth a look however little is believed of it.
-        share = 0.0 if self._missed else _SHARE
+        share = 0.0 if self._missed or not self._last or self._last.lost else _SHARE
         for heading, row, column, held in self.belief.modes(_PLACES, _MODE, share):
             starts.append((np.array([column, row]), self.belief.headings[heading], held))
         if self._pose is not None:
@@ -265,13 +266,11 @@ class FloorTracker:
     def _remember(self, fix: FloorFix, going: Array | None) -> FloorFix:
         """The floor was recognized at `fix`; while that is in doubt, odometry says better where."""
         self._view.velocity = None
-        if self._pose is not None and self._missed == 0:
+        if self._pose is not None and self._missed == 0 and not fix.lost:
             self._view.learn(self._gone + 1)
         self._pose, self._missed = fix.pose, 0
-        if fix.lost and going is not None and np.hypot(*(fix.pose - going)[:2]) > self._near:
-            fix = replace(fix, pose=going)
-        self._last = fix
-        return fix
+        self._last = fix if going is None or not fix.lost else replace(fix, pose=going)
+        return self._last
 
     def _moved_on(self, last: FloorFix, moved: Array) -> Array:
         """The pose of the last fix, so many cells on."""
