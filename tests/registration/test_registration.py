@@ -282,6 +282,19 @@ def test_a_sight_of_nothing_is_coasted_over_and_then_given_up():
     assert fixes[-1].covariance[0, 0] > 0.2
 
 
+def test_what_is_expected_while_lost_is_a_place_and_a_heading():
+    """A floor may be nearly its own half turn, and its places score as well from there."""
+    belief = CellBelief(np.ones((40, 40), bool))
+    belief.reset(np.array([0.1, np.pi]))
+    belief.mass[0] = 0
+    belief.normalize()
+    belief.expect(np.array([10, 20]), 3, heading=0.0)
+    assert belief.mass[0].sum() == pytest.approx(0.5)
+    assert belief.mass[0, 17:24, 7:14].sum() == pytest.approx(0.5)
+    belief.expect(np.array([10, 20]), 3, heading=1.5)  # not among them any more: any may be it
+    assert belief.mass[1].sum() == pytest.approx(0.5)
+
+
 def test_over_a_rug_odometry_says_where_until_a_place_is_certain():
     """Places far away fit better than the true one, whose floor lies under the rug."""
     picture = Floor.painted("carpet", 4).picture
