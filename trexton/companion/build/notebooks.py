@@ -125,7 +125,7 @@ def own_code(name: str, experiments: Mapping[str, Experiment]) -> dict[str, str]
         packages = (spec and spec.submodule_search_locations) or ()
         inside = [path for each in packages for path in Path(each).rglob("*.py")]
         found += inside or [*Path(str(spec and spec.origin)).parent.glob("*.py")]
-    return {str(path): path.read_text("utf-8", "replace") for path in found}
+    return {str(path): path.read_text("utf-8", "replace") for path in dict.fromkeys(found)}
 
 
 def inputs_of(
