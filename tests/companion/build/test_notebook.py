@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import os
+import pickle
 import re
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import ROOT, python_path, small_flight
 
 from trexton.base.errors import ParameterError
 from trexton.companion.build import notebook
+from trexton.companion.build.flight_pairs import load_pair
 from trexton.companion.experiments import mocap_training
 from trexton.companion.experiments.declaration import SeedParameters, option
 from trexton.companion.experiments.printed import published
+from trexton.flights.folder import read_flight
 from trexton.flights.writing import write_flight
+from trexton.vision.images import read_image
 
 
 @dataclass(frozen=True)
@@ -152,3 +157,38 @@ def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):
     assert (tmp_path / "results" / "small" / "mocap_training.json").is_file()
     assert before == {path: path.stat().st_mtime_ns for path in (ROOT / "results").rglob("*")}
     assert not Path(ROOT / "results" / "small").exists()
+
+
+def test_images_of_a_test_flight_are_decoded_once_where_they_have_room(image_folder, monkeypatch):
+    read = []
+
+    def counted(file):
+        read.append(file)
+        return read_image(file)
+
+    monkeypatch.setattr("trexton.flights.frames.read_image", counted)
+    whole = read_flight(image_folder)
+    test = load_pair(image_folder, image_folder)[1]
+    assert test.data_hash == whole.data_hash
+    first, again = list(test.images()), list(test.images())
+    assert len(read) == len(test) and np.array_equal(first, again)
+    assert np.array_equal(first, list(whole.images()))
+    assert len(pickle.dumps(test)) < first[0].nbytes  # other processes decode their own
+    assert np.array_equal(test.select(slice(2, None)).image(0), first[2])
+    read.clear()
+    monkeypatch.setattr("trexton.companion.build.flight_pairs._HELD_BYTES", 10)
+    large = load_pair(image_folder, image_folder)[1]
+    assert np.array_equal([*large.images(), *large.images()], first + first)
+    assert len(read) == 2 * len(test)
+
+
+def test_a_kernel_ends_without_freeing_all_that_was_imported():
+    script = (
+        "import atexit, gc\n"
+        "atexit.register(lambda: print(gc.get_freeze_count() > 1000))\n"  # the first is the last
+        "import trexton.companion.build.notebook"
+    )
+    command = [sys.executable, "-c", script]
+    environment = os.environ | {"PYTHONPATH": python_path(ROOT)}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    assert done.stdout == "True\n"

@@ -15,6 +15,7 @@ import nbformat
 import pytest
 from conftest import ROOT, small_flight
 from patience import alive, eventually
+from pytask_parallel import execute as scheduler
 from tiny_experiment import tiny
 from tiny_notebooks import BODY, FAILING, run_here, write_notebook
 
@@ -329,6 +330,7 @@ def test_what_takes_long_or_is_waited_for_starts_first(without_kernels, house):
     assert set(statuses(house.run()).values()) == {"ran"}
     began = order.read_text().split()
     assert {*began[:2]} == {"long", "read"} and began[-1] == "timed"
+    assert scheduler._Sleeper().timings == [0.05]  # what has ended is soon seen
 
 
 def test_a_memory_that_cannot_be_read_is_put_away(without_kernels, house):

@@ -15,11 +15,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytask
-from pytask_parallel import ParallelBackend, WorkerType, registry
+from pytask_parallel import ParallelBackend, WorkerType, execute, registry
 
 from trexton.base.errors import TrextonError
 from trexton.base.files import digest
@@ -27,6 +28,7 @@ from trexton.companion.build.display import Display, Outcome
 
 # Counts up whenever results of an older version of this package must not be taken over.
 _VERSION = "2"
+_POLL_S = 0.05  # pytask would look for what has ended every second only, and then wait again
 _SHOWN = 12  # characters of a value or a hash in a reason
 Entries = dict[str, str]
 
@@ -230,6 +232,8 @@ def _session(
         worker_type=WorkerType.THREADS,
         remote=False,
     )
+    scheduler: Any = execute
+    scheduler._Sleeper = partial(scheduler._Sleeper, timings=[_POLL_S])
     quiet, pytask.console.quiet = pytask.console.quiet, True
     how: dict[str, Any] = {"capture": "no", "verbose": 0, "disable_warnings": True}
     try:

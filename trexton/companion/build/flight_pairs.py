@@ -26,8 +26,10 @@ from trexton.base.progress import say
 from trexton.companion.experiments.declaration import NEEDS, Experiment
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
+from trexton.flights.frames import ImageFiles
 
 _SHARE = 0.6  # of the positions of a flight without splits is for training
+_HELD_BYTES = 2**30  # of images of a test flight that stay in memory
 
 
 def check_out(out: Path, pairs: Sequence[FlightPair]) -> None:
@@ -106,6 +108,23 @@ class FlightPair:
         return None
 
 
+class _Held(ImageFiles):
+    """Images that one method after another is flown over: decoded once, where they have room."""
+
+    def __getitem__(self, row: int) -> np.ndarray:
+        held: dict[int, np.ndarray] = self.__dict__.setdefault("held", {})
+        image = held[row] if row in held else super().__getitem__(row)
+        if len(self) * image.nbytes <= _HELD_BYTES:
+            held[row] = image
+        return image
+
+    def at(self, rows: np.ndarray) -> ImageFiles:
+        return ImageFiles(self.files).at(rows)
+
+    def __reduce__(self) -> Any:  # other processes read their own
+        return type(self), (self.files,)
+
+
 def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Flight, Flight]:
     """The training and the test flight.
 
@@ -134,6 +153,8 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
             f"flight {test.name!r} has {located} frames with a position to test on: "
             "a test needs at least 3"
         )
+    if type(test.frames) is ImageFiles:
+        test = replace(test, frames=_Held(test.frames.files))
     return train, test
 
 
@@ -192,10 +213,7 @@ def given(parameters: type[Options], names: Mapping[str, object]) -> Given:
 
     A parameter that the notebook does not name has its default, which stands in the class alone.
 
-    Raises
-    ------
-    ParameterError
-        A value has the wrong type or is out of its range, or a name is nearly that of a parameter.
+    Raises `ParameterError` where a value does not fit, or a name is nearly that of a parameter.
     """
     mine = ("flight", "test_flight", "out")
     declared = {each.name for each in parameters.declared()}.union(mine)

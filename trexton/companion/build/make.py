@@ -64,10 +64,7 @@ def make_book(
     The authors' flight may be out of reach; the book then says so and goes without it. With `quick`
     it is the first page, one experiment with its player, and its ledger, in ``book/_build/quick``.
 
-    Raises
-    ------
-    TrextonError
-        Outside a clone, or where Jupyter Book finds a fault.
+    Raises `TrextonError` outside a clone, or where Jupyter Book finds a fault.
     """
     root = repository_root()
     if root is None:
@@ -97,10 +94,7 @@ def make_book(
 def build_small_book(pairs: list[FlightPair], outcomes: list[Outcome], results: Path) -> Path:
     """A book of one run only, in ``<results>/book/html``; returns its index page.
 
-    Raises
-    ------
-    TrextonError
-        Another run is writing to `results`, or Jupyter Book finds a fault.
+    Raises `TrextonError` where another run writes to `results`, or Jupyter Book finds a fault.
     """
     contents = Contents(shipped("book"), results, pairs, outcomes, toc_file="_toc_small.yml")
     say(_build(contents, results / "book" / "html"))
@@ -165,10 +159,7 @@ def prepare_flights(folder: Path, quick: bool = False) -> Prepared:
 
     With `quick` the real flight alone, which needs no simulation, unless it cannot be had.
 
-    Raises
-    ------
-    TrextonError
-        A flight could not be made, for another reason than that it cannot be fetched.
+    Raises `TrextonError` where a flight could not be made, but not where it cannot be fetched.
     """
     simulated, real, prepared = [folder / f"sim-{p}" for p in _PATTERNS], folder / _REAL, Prepared()
 

@@ -43,10 +43,7 @@ def find_notebooks(
     It is ``<name>.md`` of the folder (this package's own by default). That of a person's own
     experiment may stand beside its module instead.
 
-    Raises
-    ------
-    ParameterError
-        The folder has none.
+    Raises `ParameterError` where the folder has none.
     """
     place = shipped("notebooks") if folder is None else Path(folder)
     if folder and not any((place / f"{name}.md").is_file() for name in experiments):

@@ -28,7 +28,7 @@ from trexton.companion.claims.page import map_table
 from trexton.companion.claims.rules import VERDICTS
 from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import published
-from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.experiments.registry import EXPERIMENTS, MODULES
 from trexton.companion.provenance import kept_results, stale_note
 from trexton.companion.wording import flight_title, template_environment
 from trexton.flights.importers import IMPORTERS, importer
@@ -142,7 +142,7 @@ def kept_records() -> dict[str, Any]:
     records = {path.stem: Record.load(path) for path in kept}
     values = {name: each.values | {"timings": each.timings} for name, each in records.items()}
     for name, each in records.items():
-        modules = each.provenance.get("modules") or [EXPERIMENTS[each.experiment].module]
+        modules = each.provenance.get("modules") or [MODULES[each.experiment]]
         values[name]["stale"] = stale_note(name, each.provenance, *modules)
     if "fine" in records:
         values["fine"]["over_floors_cm"] = over_floors(records["fine"], "free", "mean_cm")

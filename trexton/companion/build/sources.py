@@ -130,10 +130,7 @@ class Contents:
 def stage(contents: Contents, folder: Path) -> None:
     """Fill `folder` with the sources of the book, ready for Jupyter Book.
 
-    Raises
-    ------
-    DataError
-        A page of the table of contents does not exist, or asks for a value no record has.
+    Raises `DataError` where a page does not exist, or asks for a value that no record has.
     """
     names = _names(contents)
     for page, experiments in contents.pages.items():

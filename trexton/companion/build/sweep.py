@@ -70,10 +70,7 @@ class _Words(Options):
 def read_plan(path: Path) -> SweepPlan:
     """The plan in a TOML file: ``experiment``, ``flights``, ``test_flight`` and the table ``set``.
 
-    Raises
-    ------
-    TrextonError
-        It cannot be read, or something in it has another type.
+    Raises `TrextonError` where it cannot be read, or something in it has another type.
     """
     said = read_toml(path)
     settings, flights = said.pop("set", {}), said.pop("flights", [])

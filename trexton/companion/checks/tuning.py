@@ -215,10 +215,7 @@ def choose(tried: Sequence[Tried], budget_s: float = np.inf) -> Tried:
     """The cheapest of those within the budget whose error is within two per cent of the best of
     them.
 
-    Raises
-    ------
-    ParameterError
-        None is within the budget.
+    Raises `ParameterError` where none is within the budget.
     """
     affordable = [one for one in tried if one.frame_s <= budget_s]
     if not affordable:

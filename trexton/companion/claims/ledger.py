@@ -116,10 +116,7 @@ class Finding:
 def load_claims(path: Path | None = None, experiments: Iterable[str] = EXPERIMENTS) -> list[Claim]:
     """All claims, in the order of the paper, then those that `experiments` declare themselves.
 
-    Raises
-    ------
-    ParameterError
-        An entry refers to an experiment or to a printed value that there is not.
+    Raises `ParameterError` where one refers to an experiment or a printed value that is not there.
     """
     tables = read_toml(path or paper_file("claims.toml"))["claim"]
     if path is None:

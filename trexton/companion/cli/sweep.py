@@ -37,10 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _reaching_cluster(arguments: argparse.Namespace) -> AbstractContextManager[object]:
     """Within the block a cluster is reached with the files of TLS that were named.
 
-    Raises
-    ------
-    ParameterError
-        One is missing, or the address is none of TLS: what is sent would not be protected.
+    Raises `ParameterError` where one is missing, or the address is none of TLS.
     """
     typed = (arguments.tls_ca, arguments.tls_cert, arguments.tls_key)
     named = {f"distributed.comm.tls.{key}": file for key, file in zip(_TLS, typed, strict=True)}
