@@ -192,12 +192,7 @@ def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:
     Filtering).
 
     Pairs with a gap of more than one and a half periods between them say nothing about one step and
-    are left out.
-
-    Raises
-    ------
-    MapError
-        Fewer than two steps are left.
+    are left out. Raises `MapError` where fewer than two are left.
     """
     gaps = np.diff(time)
     steps = np.diff(positions, axis=0)[gaps <= 1.5 * np.median(gaps)]

@@ -68,11 +68,7 @@ class Training:
 
     def neighbors(self, k: int, excluded_s: float) -> np.ndarray:
         """``(N, k)`` rows of the nearest histograms of each frame, those near in time left out.
-
-        Raises
-        ------
-        MapError
-            Some frame has fewer than k others outside the excluded time.
+        Raises `MapError` where some frame has fewer than k others outside that time.
         """
         return neighbors_in_flight(self.nearest, self.histograms, self.time, k, excluded_s)
 

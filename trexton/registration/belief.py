@@ -19,6 +19,7 @@ _PLAIN = 0.5  # from which it is taken against the motion before; prints that re
 _JUMP = 2.0  # cells a frame by which a motion may differ from the one before
 KNOWN, _ROUGH, _UNKNOWN = 0.4, 0.5, 2.0  # cells: what a step adds to the belief's width
 _STRAYS = 0.6  # cells a frame: the error of going on as before
+_FRESH = 12  # frames after which a velocity is forgotten
 _MEMORY = 10.0  # frames over which it is taken how far the view moves
 Window = tuple[slice, slice]
 Array = NDArray[Any]
@@ -173,6 +174,7 @@ class ViewMotion:
         self.cell, self.longest = cell, longest
         self.aimed = self._before = np.zeros(2)
         self.velocity: Array | None = None
+        self._fresh = 0  # frames for which the velocity still counts
         self._reach = 0.0  # cells: how far it moves from frame to frame
 
     def predicted(
@@ -191,6 +193,9 @@ class ViewMotion:
         steps : int
             Frames since the last that came.
         """
+        self._fresh -= steps
+        if self._fresh < 0:
+            self.velocity = None
         if self.velocity is not None and last is not None:
             going = steps * self.velocity
             jump = float(np.hypot(*(last - going)))
@@ -212,6 +217,7 @@ class ViewMotion:
         cells = moved / self.cell * (1, -1)
         length = float(np.hypot(*cells))
         self.velocity = cells if length < self.longest / 4 else None
+        self._fresh = _FRESH
         self._reach += (min(length, self.longest) - self._reach) / _MEMORY
 
     def ahead(self, frames: int) -> tuple[Array, float]:

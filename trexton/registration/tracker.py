@@ -265,9 +265,10 @@ class FloorTracker:
 
     def _remember(self, fix: FloorFix, going: Array | None) -> FloorFix:
         """The floor was recognized at `fix`; while that is in doubt, odometry says better where."""
-        self._view.velocity = None
-        if self._pose is not None and self._missed == 0 and not fix.lost:
-            self._view.learn(self._gone + 1)
+        if not fix.lost:
+            self._view.velocity = None
+            if self._pose is not None and self._missed == 0:
+                self._view.learn(self._gone + 1)
         self._pose, self._missed = fix.pose, 0
         self._last = fix if going is None or not fix.lost else replace(fix, pose=going)
         return self._last
