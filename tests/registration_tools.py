@@ -38,10 +38,10 @@ def _flown(layout: str):
 
 
 @cache
-def waypoints(frames: int = 160):
+def waypoints(frames: int = 160, layout: str = "hall"):
     """As `flight`, there and back between places, so that it brakes and turns."""
     room = Simulator(
-        Floor.painted("hall", 4), camera=CAMERA, effects=Effects().without("jpeg"),
+        Floor.painted(layout, 4), camera=CAMERA, effects=Effects().without("jpeg"),
         speed=0.6, rng=np.random.default_rng(6),
     )  # fmt: skip
     plan = Plan(random_waypoints(room.floor.area, np.random.default_rng(7)))
