@@ -171,6 +171,8 @@ def test_images_of_a_test_flight_are_decoded_once_where_they_have_room(image_fol
     test = load_pair(image_folder, image_folder)[1]
     assert test.data_hash == whole.data_hash
     first, again = list(test.images()), list(test.images())
+    again[0][:] = 0  # as a method may do with its own
+    again = list(test.images())
     assert len(read) == len(test) and np.array_equal(first, again)
     assert np.array_equal(first, list(whole.images()))
     assert len(pickle.dumps(test)) < first[0].nbytes  # other processes decode their own

@@ -29,7 +29,7 @@ from trexton.flights.folder import read_flight
 from trexton.flights.frames import ImageFiles
 
 _SHARE = 0.6  # of the positions of a flight without splits is for training
-_HELD_BYTES = 2**30  # of images of a test flight that stay in memory
+_HELD_BYTES = 2**29  # of images of a test flight that stay in memory
 
 
 def check_out(out: Path, pairs: Sequence[FlightPair]) -> None:
@@ -113,9 +113,11 @@ class _Held(ImageFiles):
 
     def __getitem__(self, row: int) -> np.ndarray:
         held: dict[int, np.ndarray] = self.__dict__.setdefault("held", {})
-        image = held[row] if row in held else super().__getitem__(row)
+        if row in held:
+            return held[row].copy()  # what one method does to its frame, no other sees
+        image = super().__getitem__(row)
         if len(self) * image.nbytes <= _HELD_BYTES:
-            held[row] = image
+            held[row] = image.copy()
         return image
 
     def at(self, rows: np.ndarray) -> ImageFiles:
