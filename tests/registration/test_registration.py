@@ -296,10 +296,10 @@ def test_what_is_expected_while_lost_is_a_place_and_a_heading():
 
 
 def test_where_a_print_repeats_a_place_in_doubt_moves_on_as_before():
-    """Odometry is a period off there, frame after frame, and says so only by its certainty."""
+    """Between two cells it fits no cell, and another place a period away fits one."""
     error, fixes = errors(tracker_as_new("carpet"), waypoints(185, "carpet")[80:], True)
     lost = np.array([fix.lost for fix in fixes])
-    assert lost[5:].sum() > 12 and error[5:].max() < 0.6  # 1.1 without a velocity
+    assert 5 < lost[5:].sum() < 20 and error[5:].max() < 0.3
 
 
 def test_over_a_rug_odometry_says_where_until_a_place_is_certain():

@@ -14,12 +14,12 @@ _ANYWHERE = 1e-5  # of all belief is spread evenly at each step: no place is eve
 _NEGLIGIBLE = 1e-5  # of the largest belief: a cell below is not searched
 _ABOUT = 0.3  # radians: headings so near are one
 _SHARP = 0.4  # cells: how well a place is known once a frame was aligned there
-SURE = 0.15  # certainty of the odometry from which it is believed
-_PLAIN = 0.5  # from which it is taken against the motion before; prints that repeat reach less
+SURE = 0.3  # certainty of the odometry from which it is believed
+_PLAIN = 0.6  # from which it is taken against the motion before; prints that repeat reach less
 _JUMP = 2.0  # cells a frame by which a motion may differ from the one before
 KNOWN, _ROUGH, _UNKNOWN = 0.4, 0.5, 2.0  # cells: what a step adds to the belief's width
 _STRAYS = 0.6  # cells a frame: the error of going on as before
-_FRESH = 12  # frames after which a velocity is forgotten
+PATIENCE = 12  # frames after which the last pose, or velocity, is forgotten
 _MEMORY = 10.0  # frames over which it is taken how far the view moves
 Window = tuple[slice, slice]
 Array = NDArray[Any]
@@ -217,7 +217,7 @@ class ViewMotion:
         cells = moved / self.cell * (1, -1)
         length = float(np.hypot(*cells))
         self.velocity = cells if length < self.longest / 4 else None
-        self._fresh = _FRESH
+        self._fresh = PATIENCE
         self._reach += (min(length, self.longest) - self._reach) / _MEMORY
 
     def ahead(self, frames: int) -> tuple[Array, float]:

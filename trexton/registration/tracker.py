@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trexton.registration.alignment import Aligner, Alignment, Candidate
-from trexton.registration.belief import KNOWN, SURE, CellBelief, ViewMotion, Window
+from trexton.registration.belief import KNOWN, PATIENCE, SURE, CellBelief, ViewMotion, Window
 from trexton.registration.ground import FRAME, CoarseMatcher, Ground, fine_cell
 from trexton.registration.prior import ALL_HEADINGS, PosePrior, Seen
 from trexton.registration.trust import FloorFix, Trust
@@ -22,14 +22,13 @@ Array = NDArray[Any]
 
 _COARSE = 24  # cells that a frame's footprint is wide
 _MARGIN = 3  # cells searched around what is believed
-_CERTAIN = 0.3  # certainty from which odometry alone may carry the position on
+_CERTAIN = 0.4  # certainty from which odometry alone may carry the position on
 _MODE = 2  # cells around a peak that count as one place
 _NEAR = 6  # cells that odometry may be off where a place in doubt is taken
 _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a frame aligned at
 _HELD, _ANEW = 0.9, 0.99  # belief from which a place is the place, still or anew
-_PATIENCE = 12  # frames without a sight of the floor after which the last pose is forgotten
 _DRIFT = 0.15  # cells a frame: the error of odometry
-_BESIDE = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)  # a cell and its neighbours
+_BESIDE = np.ones((5, 5), np.uint8)  # thirds of a cell
 _WHOLE = 1.5  # times the least score: what a place shows that odometry does not expect
 _KEPT = 0.9  # of the belief, when the floor is not where it should be
 
@@ -81,7 +80,7 @@ class FloorTracker:
         self.tilt_bias: Array | None = None  # of the last frame's attitude; see `TiltError`
         self._pose: Array | None = None  # of the last frame, if it was found
         self._view = ViewMotion(self.coarse.ground.cell, _COARSE)
-        self._missed = _PATIENCE  # frames since the floor was last seen where it should be
+        self._missed = PATIENCE  # frames since the floor was last seen where it should be
         self._gone = 0  # frames that did not come since the last that did
         self._last: FloorFix | None = None
         self._carried = False  # whether the pose of the last is one that was found, moved on
@@ -99,7 +98,7 @@ class FloorTracker:
         ----------
         image : (H, W, 3) or (H, W) uint8 array or None
             Y, U, V, or luma; None for a frame that did not come: the next is held against the last
-            that came, unless more than `_PATIENCE` are missing.
+            that came, unless more than `PATIENCE` are missing.
         attitude : (3,) array, optional
             Roll, pitch, yaw in radians, NaN where not measured; roll and pitch count together only.
         height : float, optional
@@ -110,11 +109,11 @@ class FloorTracker:
         if self.alone:
             self.reset()
         frame = self.odometry.shrunken(image)
-        late = self._gone >= _PATIENCE
+        late = self._gone >= PATIENCE
         if late:
             self.odometry.reset()
-            self._pose, self._view.velocity, self._missed = None, None, _PATIENCE
-        steps = min(self._gone, _PATIENCE) + 1
+            self._pose, self._view.velocity, self._missed = None, None, PATIENCE
+        steps = min(self._gone, PATIENCE) + 1
         prior = self.pose_prior.prior(attitude, height, self._pose, steps)
         seen = Seen(frame, prior, *self.odometry.shift(frame))
         if self._last is None or late:
@@ -173,9 +172,9 @@ class FloorTracker:
         for heading in self.belief.headings:
             pose = np.array([*seen.prior.mean[:5], heading])
             correlation, overlap = self.coarse.response(seen.frame, pose, window)
-            # Between two cells a fine pattern fits neither.
-            if len(self.belief.headings) > 1 and not self.alone:
-                correlation = cv2.dilate(correlation, _BESIDE)
+            if not self.alone:  # between two cells a fine pattern fits neither
+                finer = cv2.resize(correlation, None, fx=3, fy=3, interpolation=cv2.INTER_LANCZOS4)
+                correlation = cv2.dilate(finer, _BESIDE)[1::3, 1::3]
             fits.append(self.trust.gain(correlation, self.trust.coarse * overlap))
         self.belief.weigh(np.array(fits), window)
         self.belief.drop_headings()
@@ -245,9 +244,9 @@ class FloorTracker:
 
     def _coast(self, fix: FloorFix, moved: Array, seen: Seen) -> FloorFix:
         """The floor was not recognized, `fix` is lost: move the last pose on, soon lost."""
-        self._missed = min(self._missed + 1, _PATIENCE)
+        self._missed = min(self._missed + 1, PATIENCE)
         last = self._last
-        if self._pose is None or self._missed == _PATIENCE or last is None:
+        if self._pose is None or self._missed == PATIENCE or last is None:
             if self._pose is not None and not seen.prior.turned:
                 self.belief.reset(ALL_HEADINGS)
             self._pose = self._view.velocity = None
@@ -285,10 +284,10 @@ class FloorTracker:
             return FloorFix(np.full(6, np.nan), np.diag([np.inf, np.inf]), 0, True, False)
         self._gone += 1
         pose = last.pose.copy()
-        moved, strays = self._view.ahead(min(self._gone, _PATIENCE))
+        moved, strays = self._view.ahead(min(self._gone, PATIENCE))
         pose[:2] += moved
         wider = last.covariance + (strays * self._gone * cell) ** 2 * np.eye(2)
-        lost = last.lost or self._gone >= _PATIENCE
+        lost = last.lost or self._gone >= PATIENCE
         return replace(
             last, pose=pose, covariance=wider, lost=lost, observed=False, heading_sigma=np.nan
         )
