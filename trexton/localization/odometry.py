@@ -51,7 +51,7 @@ class Visual(Odometry):
     """
 
     sure: float = option(
-        0.3, "peak of the correlation below which two frames show no motion", low=0, high=1
+        0.1, "peak of the correlation below which two frames show no motion", low=0, high=1
     )
     camera: Any = learned()  # see `learned_lens`
     sigma: Any = learned()  # (2,) metres a second along an axis, with the attitude and without

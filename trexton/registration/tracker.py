@@ -22,7 +22,7 @@ Array = NDArray[Any]
 
 _COARSE = 24  # cells that a frame's footprint is wide
 _MARGIN = 3  # cells searched around what is believed
-_CERTAIN = 0.4  # certainty from which odometry alone may carry the position on
+_CERTAIN = 0.3  # certainty from which odometry alone may carry the position on
 _MODE = 2  # cells around a peak that count as one place
 _NEAR = 6  # cells that odometry may be off where a place in doubt is taken
 _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a frame aligned at
