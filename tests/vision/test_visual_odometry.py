@@ -57,6 +57,19 @@ def test_unrelated_frames_are_not_sure():
     assert near[1] > 0.5 > 0.2 > far[1]
 
 
+def test_two_frames_moved_alike_whatever_came_before():
+    """OpenCV writes the window into what it compares."""
+    room = Simulator(camera=CAMERA, rng=np.random.default_rng(3))
+    odometry, anew = VisualOdometry(CAMERA, 160), VisualOdometry(CAMERA, 160)
+    frames = []
+    for _ in range(3):
+        room.step(np.array([4.0, 3.0]))
+        frames.append(odometry.shrunken(room.render()))
+    moved = [odometry.shift(frame) for frame in frames][-1]
+    again = [anew.shift(frame) for frame in frames[1:]][-1]
+    assert moved[1] > 0.3 and moved[1] == again[1] and np.array_equal(moved[0], again[0])
+
+
 def test_after_a_reset_nothing_is_known():
     frame = np.zeros((240, 320), np.uint8)
     odometry = VisualOdometry(CAMERA, 160)
