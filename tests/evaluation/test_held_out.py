@@ -105,7 +105,7 @@ class TestTrain:
 
     def test_images_and_a_camera_are_trained_for_what_errs_less(self, tmp_path, capsys):
         room = {"camera": CAMERA, "floor": narrow_floor()}
-        record_flight(tmp_path / "room", frames=90, every=2, **room)
+        record_flight(tmp_path / "room", frames=120, every=2, **room)
         made = self.trained(tmp_path / "room", tmp_path, "--textons", "8")
         said = capsys.readouterr().err
         other = {"field": "fine", "fine": "field"}[made.method]
