@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trexton.vision.camera import wrapped
 
-_ANYWHERE = 1e-5  # of all belief is spread evenly at each step: no place is ever ruled out for good
+_ANYWHERE = 0.003  # of all belief is spread evenly at each step: no place is ruled out for good
 _NEGLIGIBLE = 1e-5  # of the largest belief: a cell below is not searched
 _ABOUT = 0.3  # radians: headings so near are one
 _SHARP = 0.4  # cells: how well a place is known once a frame was aligned there

@@ -28,8 +28,8 @@ _NEAR = 6  # cells that odometry may be off where a place in doubt is taken
 _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a frame aligned at
 _HELD, _ANEW = 0.9, 0.99  # belief from which a place is the place, still or anew
 _DRIFT = 0.15  # cells a frame: the error of odometry
-_BESIDE = np.ones((5, 5), np.uint8)  # thirds of a cell
-_WHOLE = 1.5  # times the least score: what a place shows that odometry does not expect
+_BESIDE = np.ones((5, 5), np.uint8)  # thirds of a cell, two to each side
+_WHOLE = 1.65  # times the least score: what a place shows that is taken anew
 _KEPT = 0.9  # of the belief, when the floor is not where it should be
 
 
@@ -122,15 +122,14 @@ class FloorTracker:
             self.belief.headings[:] = prior.mean[5]
         moved = self._predict(seen)
         going = self._moved_on(self._last, moved) if self._last and self._carried else None
-        if going is not None and self._last and self._last.lost:
+        if going is not None and self._doubted:
             place = self.coarse.ground.to_cells(self.aligner.center(going))
             self.belief.expect(place, _NEAR, going[5])
-        self._weigh(seen, None if self._missed else self.belief.support(_MARGIN))
+        self._weigh(seen, None if self._missed or self._doubted else self.belief.support(_MARGIN))
         fix, best = self._settle(seen, moved, going)
         if fix.score < self.trust.least and self._missed == 0:
             # Where the last frame seemed to be is no witness of the heading, if that was in doubt.
-            doubted = self._last is not None and self._last.lost and not prior.turned
-            headings = ALL_HEADINGS if doubted else prior.headings
+            headings = ALL_HEADINGS if self._doubted and not prior.turned else prior.headings
             self.belief.reset(headings, kept=_KEPT)
             self._weigh(seen)
             fix, best = self._settle(seen, moved, going)
@@ -140,6 +139,7 @@ class FloorTracker:
             fix = self._remember(fix, going)
             if not fix.lost:
                 self.pose_prior.learn(prior, best)
+        self._last = fix
         self._carried = not fix.lost or (self._carried and seen.sure >= SURE)
         self._gone = 0
         self.tilt_bias = None if prior.tilt is None else self.pose_prior.tilt.tilt_bias
@@ -148,6 +148,10 @@ class FloorTracker:
             self.belief.reset(np.array([prior.heading]) if again else ALL_HEADINGS)
             self._pose = self._view.velocity = None
         return fix
+
+    @property
+    def _doubted(self) -> bool:  # the place may then be one that nothing is believed of
+        return self._last is None or self._last.lost
 
     def _predict(self, seen: Seen) -> Array:
         """Move the belief; returns the ``(2,)`` cells (column, row) that the last pose moved by."""
@@ -183,7 +187,7 @@ class FloorTracker:
         """Align the frame at the most likely places, and where the last pose moved to."""
         starts, continued = [], -1
         # As long as it is lost, a place is worth a look however little is believed of it.
-        share = 0.0 if self._missed or not self._last or self._last.lost else _SHARE
+        share = 0.0 if self._missed or self._doubted else _SHARE
         for heading, row, column, held in self.belief.modes(_PLACES, _MODE, share):
             starts.append((np.array([column, row]), self.belief.headings[heading], held))
         if self._pose is not None:
@@ -232,8 +236,8 @@ class FloorTracker:
                 apart = wrapped(best.pose[5] - self.belief.headings)
                 self.belief.headings += apart[int(np.argmin(abs(apart)))]
         far = going is not None and np.hypot(*(best.pose - going)[:2]) > self._near
-        anew = not self.alone and (self._last is None or self._last.lost or far)
-        least = self.trust.least * (_WHOLE if far else 1)
+        anew = not self.alone and (self._doubted or far)
+        least = self.trust.least * (_WHOLE if anew else 1)
         lost = held < (_ANEW if anew else _HELD) or best.score < least
         covariance = self.trust.covariance(best.covariance)
         if lost:
@@ -252,15 +256,13 @@ class FloorTracker:
             self._pose = self._view.velocity = None
             if last is not None and self._carried:
                 fix = replace(fix, pose=self._moved_on(last, moved))
-            self._last = fix
             return fix
         self._pose = self._moved_on(last, moved)
         self._view.aimed = self.aligner.center(self._pose)
         drift = _DRIFT * seen.prior.steps * self.coarse.ground.cell
         wider = last.covariance + drift**2 * np.eye(2)
         fix = replace(fix, pose=self._pose, covariance=wider)
-        self._last = replace(fix, lost=last.lost or seen.sure < _CERTAIN)
-        return self._last
+        return replace(fix, lost=last.lost or seen.sure < _CERTAIN)
 
     def _remember(self, fix: FloorFix, going: Array | None) -> FloorFix:
         """The floor was recognized at `fix`; while that is in doubt, odometry says better where."""
@@ -269,8 +271,7 @@ class FloorTracker:
             if self._pose is not None and self._missed == 0:
                 self._view.learn(self._gone + 1)
         self._pose, self._missed = fix.pose, 0
-        self._last = fix if going is None or not fix.lost else replace(fix, pose=going)
-        return self._last
+        return fix if going is None or not fix.lost else replace(fix, pose=going)
 
     def _moved_on(self, last: FloorFix, moved: Array) -> Array:
         """The pose of the last fix, so many cells on."""
