@@ -32,8 +32,6 @@ from trexton.vision.threads import ahead
 
 LANE, SURVEY_SPEED = 0.5, 1.2  # metres between lanes that see everything twice; the survey's m/s
 FEW = 110  # frames of the survey behind a first number
-# The usual view in fewer pixels: of flights that predict, and of those behind a first number.
-SMALLER, COARSE = Camera(400, 300, 325.0), Camera(320, 240, 260.0)
 LATER, MEASURED = 4, 3  # flights after the survey, by which errors are predicted; and measured
 CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
 REACH_M = 1.2  # over which errors of flights are averaged for that map
@@ -51,14 +49,12 @@ class VirtualFlights(Options):
     height: float = option(1.0, "metres above the floor", low=0.2, high=10)
     seed: int = option(1, "of the flights", low=0)
 
-    def drawn(
-        self, floor: Floor, pool: ThreadPoolExecutor, count: int, camera: Camera = SMALLER
-    ) -> Drawn:
+    def drawn(self, floor: Floor, pool: ThreadPoolExecutor, count: int, few: bool = False) -> Drawn:
         """A survey, and `count` flights between random places an hour later, drawn by a pool. Of
-        frames each second is kept, so that fewer cover the floor; or but a few, if coarse.
+        frames each second is kept, so that fewer cover the floor; or but a `few`, of a quarter of
+        the pixels.
         """
-        few = camera is COARSE
-        every = 6 if few else 2
+        every, camera = (6, Camera(320, 240, 260.0)) if few else (2, Camera())
         x_min, x_max, y_min, y_max = floor.area
         path = 2 * (x_max - x_min) * (y_max - y_min) / LANE
         usual = int(np.clip(path / (SURVEY_SPEED * PERIOD * every), 200, 2000))
@@ -70,9 +66,9 @@ class VirtualFlights(Options):
         flights = [partial(again, seed=self.seed + n) for n in range(1, count + 1)]
         frames = min(self.frames or usual, most)
         survey = partial(record, pattern="survey", seed=self.seed, frames=frames)
-        # The survey is waited for. Others by one thread each: the rest learns meanwhile.
-        drawn = [pool.submit(survey)]
-        return drawn + [pool.submit(next, ahead(call, [each])) for each in flights]
+        # The survey is waited for. Others by one thread each, which leaves cores to learning.
+        later = (pool.submit(next, ahead(call, [each])) for each in flights)
+        return [pool.submit(survey), *later]
 
     def flown(
         self, drawn: Drawn, methods: tuple[str, ...] = (METHOD,)
@@ -98,7 +94,7 @@ def predictions(floor: Floor, *, flights: VirtualFlights) -> Iterator[Any]:
     """
     pool = ThreadPoolExecutor(1)
     try:
-        few, drawn = flights.drawn(floor, pool, 1, COARSE), flights.drawn(floor, pool, LATER)
+        few, drawn = flights.drawn(floor, pool, 1, few=True), flights.drawn(floor, pool, LATER)
         yield _first_cm(flights, few)
         yield _judged(floor, flights, drawn)
     finally:
@@ -110,7 +106,7 @@ def first_prediction(floor: Floor, *, flights: VirtualFlights) -> float | None:
     pixels: within seconds, and coarser than `judge_floor`. None where they show too little.
     """
     with ThreadPoolExecutor(1) as pool:
-        return _first_cm(flights, flights.drawn(floor, pool, 1, COARSE))
+        return _first_cm(flights, flights.drawn(floor, pool, 1, few=True))
 
 
 def _first_cm(flights: VirtualFlights, drawn: Drawn) -> float | None:
@@ -163,7 +159,7 @@ def measured_cm(
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """By method, errors in cm at all frames after a survey; and ``(N, 2)`` where they were."""
     with ThreadPoolExecutor(1) as pool:
-        _, flown, errors = flights.flown(flights.drawn(floor, pool, MEASURED, Camera()), methods)
+        _, flown, errors = flights.flown(flights.drawn(floor, pool, MEASURED), methods)
     return {method: each.ravel() for method, each in errors.items()}, flown
 
 
