@@ -333,12 +333,24 @@ def test_columns_of_poses_are_no_features(tmp_path):
     (tmp_path / "f.csv").write_text("t,x,y,z_m,Yaw,beacon,t0,zone\n" + "\n".join(rows))
     flight, said = import_flight(tmp_path / "f.csv", tmp_path / "a", kind="features")
     assert flight.histograms.shape == (20, 3)
-    assert any("columns t, z_m, Yaw are no features" in line for line in said)
+    assert any("columns Yaw, z_m are no features" in line for line in said)
     named = {"time": "t", "z": "z_m", "yaw": "Yaw"}
     flight, said = import_flight(
         tmp_path / "f.csv", tmp_path / "b", kind="features", settings=named
     )
     assert flight.histograms.shape == (20, 3) and not any("features by" in line for line in said)
+
+
+@pytest.mark.parametrize(
+    ("name", "scale"), [("timestamp", 1), ("Seconds", 1), ("time [ms]", 1000), ("rec_time", 1)]
+)
+def test_a_clock_beside_features_is_none_of_them(name, scale, tmp_path):
+    """It was one, that rises through any flight, while frames came at a supposed rate."""
+    rows = [f"{i},{scale * i / 4},{i / 5},{i},{i % 3},{i % 5}" for i in range(40)]
+    (tmp_path / "f.csv").write_text(f"Unnamed: 0,{name},x,y,a,b\n" + "\n".join(rows))
+    flight, said = import_flight(tmp_path / "f.csv", tmp_path / "a", kind="features")
+    assert flight.histograms.shape == (40, 2) and flight.time[-1] == pytest.approx(39 / 4)
+    assert any(f"stamps of column {name}" in line for line in said)
 
 
 @pytest.mark.parametrize("digits", [3, 6, 9])

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import small_flight
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sound_flights import SOUND, round_, sound
@@ -174,3 +175,24 @@ def test_flights_of_two_days_in_one_are_named():
     parted = {"train": (0, 299), "test": (300, 399)}
     assert not warnings(replace(flight, time=late, split=parted))
     assert not warnings(replace(flight, time=flight.time + 600.0 * (np.arange(400) >= 300)))
+
+
+def test_features_that_count_or_stand_still_are_named():
+    """Both train well, and place nothing later."""
+    flight = small_flight(40)
+    assert not warnings(flight)
+    counting = np.column_stack([flight.histograms, 12.6 - 0.01 * np.arange(40)])
+    (said,) = warnings(replace(flight, histograms=counting, features="volts"))
+    assert "feature 4 only rises or falls: a clock or a counter?" in said
+    held = flight.histograms.copy()
+    held[10:30] = held[10]
+    (said,) = warnings(replace(flight, histograms=held))
+    expected = (
+        f"from frame {flight.frame[11]} on 19 histograms repeat the last while the vehicle flew"
+    )
+    assert said.startswith(expected)
+    hover = flight.position.copy()
+    hover[10:30] = hover[10] + 0.001 * np.arange(20)[:, None]
+    assert not any(
+        "repeat" in said for said in warnings(replace(flight, histograms=held, position=hover))
+    )

@@ -16,9 +16,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     if arguments.repair != bool(arguments.out):
         raise ParameterError("--repair and --out go together: the original is kept, name a folder")
-    folder = arguments.flight
+    folder = arguments.out or arguments.flight
     if arguments.repair:
-        folder = arguments.out
         for line in repair_flight(arguments.flight, folder, arguments.replace):
             print(f"repair   {line}")
     report = check_flight(folder)

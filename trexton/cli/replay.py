@@ -76,9 +76,8 @@ def _rows(path: str | Path) -> Iterator[dict[str, Any]]:
                 row = _checked(json.loads(line))
             except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
                 if not good:
-                    raise DataError(
-                        f"{path}: line {number} is none of a log ({error}): give what --log wrote"
-                    ) from None
+                    found = f"line {number} is none of a log ({error})"
+                    raise DataError(f"{path}: {found}: give what --log wrote") from None
                 row = {"event": "damaged line", "number": number, "why": error}
             good = True
             yield row

@@ -62,10 +62,8 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
     faults, warnings = reading.faults + list(unusable.values()), reading.warnings
     if frozen:
         said = f"{count_of(len(frozen), 'picture')} like the one before to the byte, or blank"
-        said += f" (first: frames.csv, row {frozen[0]})"
-        warnings.append(
-            f"{path}: {said}: where the camera was frozen or capped, leave the frames out"
-        )
+        advice = "where the camera was frozen or capped, leave the frames out"
+        warnings.append(f"{path}: {said} (first: frames.csv, row {frozen[0]}): {advice}")
     if dark > sizes.total() / 2:
         pictures = f"{count_of(dark, 'picture')} of {sizes.total()} darker than {DARK} of 255"
         warnings.append(f"{path}: {pictures}: 12 bits in 16? stretch them, or expose longer")
@@ -165,9 +163,8 @@ def repair_flight(
     flight, (_, unusable, frozen, _) = reading.flight, _images(reading)
     if left_out := {*unusable, *frozen}:
         if len(left_out) == len(flight):
-            raise FlightError(
-                f"{path}/{next(iter(unusable.values()), 'frames.csv: all are blank')}"
-            )
+            why = next(iter(unusable.values()), "frames.csv: all are blank")
+            raise FlightError(f"{path}/{why}")
         unread, same = "cannot be read or has another size", "is the one before, or blank"
         for rows, why in ((unusable, unread), (frozen, same)):
             if rows:

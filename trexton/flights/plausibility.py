@@ -32,6 +32,7 @@ MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO, FLOOR_RATIO = 5.0, 20.0  # heights, and the floor's picture, by the diagonal
 OFFSET_FRAMES = 400  # frames whose turning is measured
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
+HELD, COUNTED = 0.2, 30  # of the area, flown at one value; frames through which a counter counts
 TURNED, MAX_TILT = 0.5, 0.35  # radians: of yaw, to know axes by; half of a flight is more level
 
 
@@ -282,8 +283,17 @@ def _floor(flight: Flight) -> Iterator[str]:
 
 
 def _features(flight: Flight) -> Iterator[str]:
-    if len(flight) > 2 and flight.histograms is not None and not np.ptp(flight.histograms, 0).any():
+    if len(flight) < 3 or (values := flight.histograms) is None:
+        return
+    steps, moved = np.diff(values, axis=0), np.hypot(*np.diff(flight.position, axis=0).T)
+    same, counts = ~steps.any(axis=1), (steps > 0).all(axis=0) | (steps < 0).all(axis=0)
+    if same.all():
         yield "all histograms are the same: no frame can be told from another"
+    elif np.nansum(moved[same]) > HELD * flight.diagonal:
+        held = f"from frame {flight.frame[1:][same][0]} on {same.sum()} histograms repeat the last"
+        yield f"{held} while the vehicle flew on: did the sensor stand still? leave them out"
+    if counts.any() and len(flight) >= COUNTED:
+        yield f"feature {counts.argmax()} only rises or falls: a clock or a counter? leave it out"
 
 
 def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:

@@ -38,11 +38,9 @@ def renewed(
     later = flight.select(flight.located)
     places = later.position
     histograms = full_histograms(later, texton_map.dictionary, texton_map.cells)
-    if histograms.shape[1] != texton_map.histograms.shape[1]:
-        raise MapError(
-            f"flight {flight.name!r} has histograms of {histograms.shape[1]} bins, the map of "
-            f"{texton_map.histograms.shape[1]}: give a flight of the same kind"
-        )
+    if (bins := histograms.shape[1]) != (known := texton_map.histograms.shape[1]):
+        found = f"flight {flight.name!r} has histograms of {bins} bins, the map of {known}"
+        raise MapError(f"{found}: give a flight of the same kind")
     old = ~contradicted(texton_map, histograms, places)
     corners = np.reshape(texton_map.area, (2, 2)).T
     start = texton_map.time[-1] + GAP_S - later.time[0]

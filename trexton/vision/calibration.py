@@ -40,9 +40,8 @@ def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.
             raise ValueError("too long or too deep for one")
         camera, distortion = _described(_yaml(text), camera_name)
         if camera.width * camera.height > MOST_PIXELS or not np.isfinite(distortion).all():
-            raise ParameterError(
-                f"expected a picture of 1 to {MOST_PIXELS:,} pixels and finite numbers"
-            )
+            limits = f"1 to {MOST_PIXELS:,} pixels and finite numbers"
+            raise ParameterError(f"expected a picture of {limits}")
         if distortion.any() and len(distortion) not in COEFFICIENTS:
             taken = ", ".join(map(str, COEFFICIENTS[1:]))
             raise ParameterError(f"{len(distortion)} distortion coefficients: OpenCV takes {taken}")
@@ -52,9 +51,8 @@ def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.
         ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError,
     ) as error:  # fmt: skip
         why = " ".join(str(error).split())[:200]
-        raise FlightError(
-            f"{path}: no calibration of OpenCV (YAML or JSON), ASL or Kalibr ({why}): correct it"
-        ) from None
+        found = f"no calibration of OpenCV (YAML or JSON), ASL or Kalibr ({why})"
+        raise FlightError(f"{path}: {found}: correct it") from None
     return camera, distortion if distortion.any() else None
 
 

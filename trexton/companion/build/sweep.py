@@ -87,11 +87,7 @@ def read_plan(path: Path) -> SweepPlan:
 
 
 def sweep(
-    plan: SweepPlan,
-    out: Path,
-    *,
-    jobs: int | None = None,
-    cluster: str | None = None,
+    plan: SweepPlan, out: Path, *, jobs: int | None = None, cluster: str | None = None
 ) -> Swept:
     """Run what is not there yet; write ``sweep.json`` and ``sweep.csv`` into `out`.
 

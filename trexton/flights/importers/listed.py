@@ -22,7 +22,11 @@ from trexton.vision.calibration import read_calibration
 _LISTS = ("rgb.txt", "images.txt", "left_images.txt", "times.txt")
 _TRACKS = ("mocap0", "vicon0", "leica0", "state_groundtruth_estimate0")
 _SINCE_1970 = {"ns": 1e16, "us": 1e13, "ms": 1e11}  # stamps from here on are in no larger unit
-_POSES = re.compile(r"(?i)(t|time|stamp|z|height|yaw|roll|pitch|q[wxyz])(_([mun]?s|m|deg|rad))?$")
+_UNIT = r"([_ (\[]+([mun]?s|sec|m|deg|rad)[)\]]?)?$"  # with which a column's name may end
+_TIMES = re.compile(rf"(?i)(t|(date|rec)?_?times?(stamps?)?|stamps?|sec(ond)?s?|clock){_UNIT}")
+_COUNTERS = r"(unnamed: 0)?|(frame|row)?[_ ]?(id|no|nr|number|index|seq)|date"  # no features
+_POSES = r"(pos_?)?z|height|alt(itude)?|lat(itude)?|lon(gitude)?|yaw|heading|roll|pitch|q_?[wxyz]"
+_OTHERS = re.compile(rf"(?i)({_COUNTERS}|{_POSES}|v(el(ocity)?)?_?[xyz]){_UNIT}")
 
 
 class Euroc:
@@ -186,7 +190,7 @@ class Features:
     class Settings(TrackColumns):
         """What can be chosen."""
 
-        time: str = option("", "column of the stamps (default: frames at the rate below)")
+        time: str = option("", "column of the stamps (default: by its name, else by the rate)")
         rate: float = option(12.5, "frames a second, if there are no stamps", low=0.001, high=1e4)
         features: str = option("features", "what the values count; textons must sum to one")
 
@@ -200,19 +204,19 @@ class Features:
         """The recording of a table of features, a row a frame."""
         table, known = read_table(source), list[str]()
         stamps = (np.arange(len(table)) * NANO / settings.rate).astype(np.int64)
-        if settings.time:
-            stamps = settings.stamps(table, known)
+        times = [name for name in table.header if _TIMES.match(name)]
+        if time := settings.time or next(iter(times), ""):
+            stamps = replace(settings, time=time).stamps(table, known)
+            known.append(f"{source}: stamps of column {time}")
         track, said = settings.of(table, stamps)
-        said += known
-        used = {"frame", "id", settings.x, settings.y, settings.z, settings.time, settings.yaw}
+        used = {"frame", settings.x, settings.y, settings.z, time, settings.yaw}
         used |= set(settings.quaternion.split(","))
-        others = [name for name in table.header if _POSES.match(name) and name not in used]
-        if others:
+        if others := sorted({*times, *filter(_OTHERS.match, table.header)} - used):
             words = f"columns {', '.join(others)} are no features by their names, left out"
-            said.append(f"{source}: {words}: name them with --time, --z or --yaw")
+            known.append(f"{source}: {words}: name them with --time, --z or --yaw")
         names = [name for name in table.header if name not in {*used, *others}]
         if not names:
             raise FlightError(f"{source}: no column of values beside the positions: add some")
-        values = [table.numbers(name, missing_allowed=False) for name in names]
-        rows, name = np.column_stack(values), f"features of {source.name}"
+        rows = np.column_stack([table.numbers(name, missing_allowed=False) for name in names])
+        name, said = f"features of {source.name}", said + known
         return Recording(stamps, track, None, rows, settings.features, source=name, said=said)

@@ -52,9 +52,7 @@ class Settings(Options):
     """What can be chosen."""
 
     positions: str = option(
-        "",
-        "table of file, lat, lon (alt_m, time) instead of EXIF; or a log of an autopilot, "
-        "COLMAP's images.txt, OpenSfM's reconstruction.json",
+        "", "table of file, lat, lon (alt_m, time), autopilot's log, or file of COLMAP or OpenSfM"
     )
     ground: float | None = option(None, "altitude of the ground in metres, for heights above it")
 

@@ -36,9 +36,7 @@ class Settings(TrackColumns):
     """What can be chosen."""
 
     positions: str = option(
-        "",
-        "table of t, x, y beside the video, export of motion capture, or log of an autopilot "
-        "(default: DJI's subtitles beside the video)",
+        "", "table of t, x, y, motion capture or autopilot's log (default: DJI's subtitles beside)"
     )
     offset: float | None = option(None, "the table's clock in s at the first frame (estimated)")
     every: int = option(1, "keep every n-th frame", low=1)
