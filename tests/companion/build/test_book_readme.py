@@ -26,7 +26,7 @@ def test_the_table_of_the_readme_has_the_numbers_of_the_records(tmp_path):
     paper, neighbors, better = changed.values()
     assert paper == "| the paper's filter | 86.9 [67.5, 106] cm | 86.9 [57.3, 122] cm |"
     assert neighbors.endswith("| 33.4 [57.3, 122] cm |")
-    assert better.endswith("| 86.9 [57.3, 122] cm, 90 % region covers 91 % |")
+    assert better.endswith("| 86.9 [57.3, 122] cm, 90 % region covers 91 % [88, 93] |")
     assert "1/256 m" in new[new.index(paper) - 2]  # beside every number of that flight
     with pytest.raises(TrextonError, match="put them back"):
         renewed("no marks", tmp_path)
