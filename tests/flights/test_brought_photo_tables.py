@@ -77,6 +77,9 @@ def test_times_of_day_go_on_after_midnight(tmp_path, day):
         ("SourceFile,GPSLatitudeRef,GPSLatitude,GPSLongitude,GPSAltitude,DateTimeOriginal",
          './{name},South,"{deg} S","8 deg 0\' 0.00"" W",412.5 m Above Sea Level,'
          "2024:05:01 10:00:0{i}"),
+        ("SourceFile,GPSLatitude,GPSLatitudeRef,GPSLongitude,GPSLongitudeRef,GPSAltitude",
+         "./{name},{south},S,8,W,412.5"),
+        ("lat_accuracy,lon_acc,file,lat,lon,alt", "3,4,{name},{lat},-8,412.5"),
         ("imagename;Latitude;Longitude;Altitude [m]", "{name};{lat};-8;412.5"),
         ("#Label,X/Longitude,Y/Latitude,Z/Altitude", "{name},-8,{lat},412.5"),
         ("timestamp,filename,lat,lng,alt", "2024-05-01T10:00:0{i},{name},{lat},-8,412.5"),
@@ -87,7 +90,8 @@ def test_tables_of_photographs_as_others_head_them(tmp_path, head, row):
     for i in range(6):
         seconds = i * 0.036
         deg = f'47 deg 0\' {seconds:.3f}""'
-        rows.append(row.format(name=f"IMG_{i + 7}.jpg", lat=-47 - seconds / 3600, deg=deg, i=i))
+        south = 47 + seconds / 3600
+        rows.append(row.format(name=f"IMG_{i + 7}.jpg", lat=-south, south=south, deg=deg, i=i))
     (source / "positions.csv").write_text("\n".join([head, *rows]))
     flight, _ = import_flight(source, tmp_path / "out", settings={"ground": "400"})
     assert flight.origin == pytest.approx((-47 - 0.18 / 3600, -8.0))

@@ -28,6 +28,15 @@ def test_a_frame_is_a_bin_and_a_value_holds_for_a_while(tmp_path):
     np.testing.assert_allclose(recording.track.position[:, 0], [1.1, 1.5, 2.0, 3.0])
 
 
+def test_positions_of_some_rows_place_the_whole_bin(tmp_path):
+    """Only bins without any had none; before, one row without took its bin's away."""
+    log = tmp_path / "log.csv"
+    text = LOG.replace("100.6,a,-64,1.5,2.0", "100.6,a,-64,1.5,2.0\n100.7,b,-71,,")
+    log.write_text(text.replace("102.1,a,-70,3.0,2.0", "102.1,a,-70,,"))
+    recording = read(log, Settings(bin=0.5, keep=1.0))
+    np.testing.assert_allclose(recording.track.position[:, 0], [1.1, 1.5, 2.0, np.nan])
+
+
 def test_an_import_is_recognised_and_becomes_a_flight(tmp_path):
     log = tmp_path / "log.csv"
     log.write_text(LOG)

@@ -41,6 +41,19 @@ def test_frames_of_a_changed_place_are_replaced_and_others_stay(method):
     assert error(new) < error(texton_map)
 
 
+def test_frames_that_the_map_has_are_refused():
+    """Each left-out frame found its own copy: any map became honest, and landed."""
+    old = histogram_flight("old", frames=120)
+    rng = np.random.default_rng(0)
+    texton_map = train_map(old, method="field", rng=rng)
+    for again in (old, replace(old, name="a part", split={}).select(np.arange(60, 120))):
+        with pytest.raises(ParameterError, match=f"{len(again)} frames of .* are in the map"):
+            renewed(texton_map, again, rng=rng)
+    new, _ = renewed(texton_map, histogram_flight("later", frames=120, noise=2), rng=rng)
+    with pytest.raises(ParameterError, match="frames of 'old' are in the map"):
+        renewed(new, old, rng=rng)
+
+
 def test_what_renews_nothing_is_refused():
     flight = histogram_flight("old")
     texton_map = train_map(flight, rng=np.random.default_rng(0))

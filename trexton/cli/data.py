@@ -1,7 +1,6 @@
 """``trexton data``: public flights. They are listed, or fetched by URL and hash."""
 
 import argparse
-from pathlib import Path
 
 from trexton.flights.registry import data_folder, fetch, registry
 
@@ -22,6 +21,6 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"{name}: {entry['title']}\n  licence: {entry['licence']}")
             print(f"  on this machine: {'yes' if here else 'no'}")
         return 0
-    out = Path(arguments.out or Path("data") / "flights" / arguments.name)
+    out = arguments.out or f"data/flights/{arguments.name}"
     print(fetch(arguments.name, out, arguments.replace))
     return 0

@@ -25,7 +25,6 @@ from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import train_map
 
 _USUAL = ", ".join(f"{cells} of method {method}" for method, cells in USUAL_CELLS.items())
-
 MOST_LOST = 0.5  # share of frames from which on a map is no use in the air
 
 

@@ -48,10 +48,9 @@ def _scaled(factor: float | np.ndarray, *columns: str) -> Callable[[Flight], Fli
 
 def warnings(flight: Flight) -> list[Doubt]:
     """What the checks say, in their order."""
-    places = (_outside, tracking_doubts, _speed, _heights)
-    views = (_angles, _view, _motion, _extent)
+    places = (_outside, tracking_doubts, _speed, _heights, _angles, _view, _motion, _extent)
     others = (jump_doubts, _stamps, _splits, _floor, _features)
-    said = (each for check in (*places, *views, *others) for each in check(flight))
+    said = (each for check in (*places, *others) for each in check(flight))
     return [each if isinstance(each, Doubt) else Doubt(each) for each in said]
 
 

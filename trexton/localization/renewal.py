@@ -27,7 +27,7 @@ def renewed(
     Raises
     ------
     ParameterError
-        The method keeps pictures of the floor, not histograms.
+        The method keeps pictures of the floor, not histograms; or the map has these frames.
     MapError
         No frame of the flight has a position, or its histograms are others than the map's.
     """
@@ -36,21 +36,23 @@ def renewed(
     if not flight.located.any():
         raise MapError(f"flight {flight.name!r} has no frame with a position: it renews nothing")
     later = flight.select(flight.located)
-    places = later.position
     histograms = full_histograms(later, texton_map.dictionary, texton_map.cells)
     if (bins := histograms.shape[1]) != (known := texton_map.histograms.shape[1]):
         found = f"flight {flight.name!r} has histograms of {bins} bins, the map of {known}"
         raise MapError(f"{found}: give a flight of the same kind")
-    old = ~contradicted(texton_map, histograms, places)
+    held, came = ({*map(bytes, each.astype("f4"))} for each in (texton_map.histograms, histograms))
+    if (again := len(held & came)) > len(later) / 20:  # no left-out block would be without them
+        raise ParameterError(f"{again} frames of {flight.name!r} are in the map: give a later one")
+    old = ~contradicted(texton_map, histograms, later.position)
     corners = np.reshape(texton_map.area, (2, 2)).T
     start = texton_map.time[-1] + GAP_S - later.time[0]
     news = {"renewed": [flight.name, flight.data_hash], "assessment": None}  # not judged yet
     result = replace(
         texton_map,
         histograms=np.concatenate([texton_map.histograms[old], histograms]),
-        positions=np.concatenate([texton_map.positions[old], places]),
+        positions=np.concatenate([texton_map.positions[old], later.position]),
         time=np.concatenate([texton_map.time[old], later.time + start]),
-        area=area_around(np.concatenate([corners, places])),
+        area=area_around(np.concatenate([corners, later.position])),
         provenance=texton_map.provenance | news,
     )
     parts = {role: part.untrained() for role, part in texton_map.parts.items() if role not in KEPT}
@@ -67,8 +69,7 @@ def contradicted(texton_map: TextonMap, histograms: np.ndarray, places: np.ndarr
     reach = float(np.median(apart.min(axis=1)))
     own, later = (np.sqrt(np.maximum(each, 0)) for each in (texton_map.histograms, histograms))
     unlike = np.linalg.norm(own - own[apart.argmin(axis=1)], axis=1)
-    usual = np.quantile(unlike, USUAL_SHARE)
     distance = np.hypot(*(positions[:, None] - places).transpose(2, 0, 1))
     nearest, rows = distance.argmin(axis=1), np.arange(len(positions))
     differs = np.linalg.norm(own - later[nearest], axis=1)
-    return (distance[rows, nearest] <= reach) & (differs > usual)
+    return (distance[rows, nearest] <= reach) & (differs > np.quantile(unlike, USUAL_SHARE))

@@ -91,9 +91,8 @@ def read(source: Path, settings: Settings) -> Recording:
     if clock:
         said.append(f"{source}: headers without a stamp: messages are taken at the bag's own times")
     where, lines = f"{source}, {poses}", range(1, len(rows) + 1)
-    track, taken = pose_track(
-        PoseTrack(posed[:, clock], values[:, :3]), values[:, 3:], settings.axes, where, lines
-    )
+    placed = PoseTrack(posed[:, clock], values[:, :3])
+    track, taken = pose_track(placed, values[:, 3:], settings.axes, where, lines)
     frames = Forward(bag.source, numbers, partial(bag.messages, images), decoded)
     name = f"bag {source.name}: {images}, {poses}"
     return Recording(shot[clock], track, frames, source=name, said=said + taken)

@@ -53,10 +53,9 @@ def read_mocap(path: Path, body: str) -> tuple[TextTable, dict[str, str], list[s
         rows = list(csv.reader(lines, delimiter=separator))
         export = read(rows)
     except (LookupError, ValueError, StopIteration, csv.Error) as error:
-        raise FlightError(
-            f"{path}: begins as an export of motion capture, but its head cannot be read "
-            f"({str(error) or 'no row names columns'}): export rigid bodies with their header"
-        ) from None
+        head = f"its head cannot be read ({str(error) or 'no row names columns'})"
+        found = f"begins as an export of motion capture, but {head}"
+        raise FlightError(f"{path}: {found}: export rigid bodies with their header") from None
     names = [name for name in export.bodies if body in ("", name)]
     if len(names) != 1:
         bodies = ", ".join(export.bodies) or "none"

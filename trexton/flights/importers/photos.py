@@ -36,8 +36,8 @@ SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 OTHERS = (".heic", ".heif", ".avif", ".webp", ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw")
 # What columns of a table may be called: by exiftool, Pix4D, Metashape and by hand.
 _COLUMNS = {
-    "lat": r"^[xy/ ]*(gps)?[ _]?lat(?!.*ref$)",
-    "lon": r"^[xy/ ]*(gps)?[ _]?(lon|lng)(?!.*ref$)",
+    "lat": r"^[xy/ ]*(gps)?[ _]?lat(?!.*(ref|acc\w*|std|sigma|err\w*)$)",
+    "lon": r"^[xy/ ]*(gps)?[ _]?(lon|lng)(?!.*(ref|acc\w*|std|sigma|err\w*)$)",
     "alt_m": r"^[z/ ]*(gps)?[ _]?alt(?!.*ref$)",
     "time": r"^time|date.?time",
     "file": r"file|^image|^label|^photo|^name",
@@ -209,6 +209,10 @@ def _from_table(path: Path, shots: dict[Path, Shot], said: list[str]) -> dict[Pa
     cells = {key: [number_of(each[at]) for at in row] for key, each in table.cells.items()}
     table = replace(table, cells=cells, rows=[table.rows[at] for at in row])
     latitude, longitude = (table.numbers(names.get(what, what)) for what in ("lat", "lon"))
+    for what, away, degrees in (("lat", "S", latitude), ("lon", "W", longitude)):
+        for ref in filter(re.compile(f"(?i){what}.*ref$").search, table.header):
+            away_from = [side[:1].upper() == away for side in table.texts(ref)]
+            np.copyto(degrees, -np.abs(degrees), where=away_from)
     place = np.column_stack([latitude, longitude, metres(table, names.get("alt_m", ""), "m", said)])
     stamps = NANO * np.array(row)
     if timed := "time" in names:

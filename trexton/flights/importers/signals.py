@@ -46,7 +46,7 @@ def read(source: Path, settings: Settings) -> Recording:
         since = np.where(new, 0.0, since + gap)
         values[row] = np.where(since <= settings.keep, values[row - 1], settings.floor)
         values[row, new] = total[row, new] / heard[row, new]
-    places = np.array([position[index == row].mean(axis=0) for row in range(len(used))])
+    places = np.array([position[index == n].mean(axis=0).filled(np.nan) for n in range(len(used))])
     stamps = nanoseconds(start + settings.bin * used)
     track = PoseTrack(stamps, places) if np.isfinite(places[:, :2]).any() else None
     name, said = f"log {source.name}", f"{source}: {len(time)} readings in {len(used)} frames"
@@ -65,5 +65,5 @@ def _readings(path: Path, columns: str) -> tuple[np.ndarray, ...]:
     good = (np.abs(time) < 9e9) & np.isfinite(value)  # later ones are not in seconds
     if not good.any():
         raise FlightError(f"{path}: no row has a value, and a stamp in seconds: give both")
-    position = np.column_stack(places)[good]
+    position = np.ma.masked_invalid(np.column_stack(places)[good])
     return time[good], np.array(table.texts("source"))[good], value[good], position
