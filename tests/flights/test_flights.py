@@ -350,6 +350,18 @@ def test_a_test_of_one_frame_judges_nothing(tmp_path):
         load_pair(path, None)
 
 
+def test_a_copy_of_the_training_flight_is_no_test(tmp_path):
+    """Under any name, and cut to a part; the splits of one flight are no copies."""
+    flight = replace(small_flight(), split={})
+    trained = write_flight(flight, tmp_path / "trained")
+    part = replace(flight, name="other").select(np.arange(10, 40))
+    for number, test in enumerate((flight, part)):
+        copy = write_flight(test, tmp_path / f"copy {number}")
+        with pytest.raises(FlightError, match="positions of flight .* it would be trained on"):
+            load_pair(trained, copy)
+    assert load_pair(trained, None)[1].located.all()
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

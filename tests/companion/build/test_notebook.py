@@ -159,7 +159,10 @@ def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):
     assert not Path(ROOT / "results" / "small").exists()
 
 
-def test_images_of_a_test_flight_are_decoded_once_where_they_have_room(image_folder, monkeypatch):
+def test_images_of_a_test_flight_are_decoded_once_where_they_have_room(
+    image_folder, tmp_path, monkeypatch
+):
+    trained = write_flight(small_flight(), tmp_path / "trained")
     read = []
 
     def counted(file):
@@ -168,7 +171,7 @@ def test_images_of_a_test_flight_are_decoded_once_where_they_have_room(image_fol
 
     monkeypatch.setattr("trexton.flights.frames.read_image", counted)
     whole = read_flight(image_folder)
-    test = load_pair(image_folder, image_folder)[1]
+    test = load_pair(trained, image_folder)[1]
     assert test.data_hash == whole.data_hash
     first, again = list(test.images()), list(test.images())
     again[0][:] = 0  # as a method may do with its own
@@ -179,7 +182,7 @@ def test_images_of_a_test_flight_are_decoded_once_where_they_have_room(image_fol
     assert np.array_equal(test.select(slice(2, None)).image(0), first[2])
     read.clear()
     monkeypatch.setattr("trexton.companion.build.flight_pairs._HELD_BYTES", 10)
-    large = load_pair(image_folder, image_folder)[1]
+    large = load_pair(trained, image_folder)[1]
     assert np.array_equal([*large.images(), *large.images()], first + first)
     assert len(read) == 2 * len(test)
 

@@ -139,22 +139,24 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
     Raises
     ------
     FlightError
-        A folder is no flight, or fewer than three frames of the test have a position.
+        A folder is no flight, fewer than three frames of the test have a position, or most have
+        those of the training.
     """
     first = read_flight(flight)
     if test_flight is None:
         first = with_splits(first)
         train, test = first.part("train"), first.part("test")
     else:
-        second = read_flight(test_flight)
         train = first.part_or_all("train")
-        test = second.part_or_all("test")
+        test = read_flight(test_flight).part_or_all("test")
     located = int(test.located.sum())
     if located < 3:
-        raise FlightError(
-            f"flight {test.name!r} has {located} frames with a position to test on: "
-            "a test needs at least 3"
-        )
+        found = f"flight {test.name!r} has {located} frames with a position to test on"
+        raise FlightError(f"{found}: a test needs at least 3")
+    known = {*map(bytes, train.position[train.located])}
+    if (shared := sum(bytes(place) in known for place in test.position)) > located / 2:
+        found = f"{shared} positions of flight {test.name!r} are those it would be trained on"
+        raise FlightError(f"{found}, which proves nothing: give another flight to test on")
     if type(test.frames) is ImageFiles:
         test = replace(test, frames=_Held(test.frames.files))
     return train, test
