@@ -65,10 +65,9 @@ class VirtualFlights(Options):
         again = partial(record, pattern="waypoints", frames=test_frames)
         flights = [partial(again, seed=self.seed + n) for n in range(1, count + 1)]
         frames = min(self.frames or usual, most)
-        survey = partial(record, pattern="survey", seed=self.seed, frames=frames)
-        # The survey is waited for. Others by one thread each, which leaves cores to learning.
-        later = (pool.submit(next, ahead(call, [each])) for each in flights)
-        return [pool.submit(survey), *later]
+        flights.insert(0, partial(record, pattern="survey", seed=self.seed, frames=frames))
+        # Each by one thread, which leaves the other cores to what is learned.
+        return [pool.submit(next, ahead(call, [each])) for each in flights]
 
     def flown(
         self, drawn: Drawn, methods: tuple[str, ...] = (METHOD,)
