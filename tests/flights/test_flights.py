@@ -357,8 +357,10 @@ def test_a_copy_of_the_training_flight_is_no_test(tmp_path):
     part = replace(flight, name="other").select(np.arange(10, 40))
     for number, test in enumerate((flight, part)):
         copy = write_flight(test, tmp_path / f"copy {number}")
-        with pytest.raises(FlightError, match="positions of flight .* it would be trained on"):
+        with pytest.raises(FlightError, match="frames of flight .* are those it would"):
             load_pair(trained, copy)
+    again = replace(flight, histograms=np.roll(flight.histograms, 1, axis=1))
+    assert load_pair(trained, write_flight(again, tmp_path / "the same way again"))
     assert load_pair(trained, None)[1].located.all()
 
 

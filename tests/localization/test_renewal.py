@@ -52,6 +52,8 @@ def test_frames_that_the_map_has_are_refused():
     new, _ = renewed(texton_map, histogram_flight("later", frames=120, noise=2), rng=rng)
     with pytest.raises(ParameterError, match="frames of 'old' are in the map"):
         renewed(new, old, rng=rng)
+    elsewhere = replace(old, position=old.position + 0.1)  # few values may be sensed anywhere
+    assert renewed(texton_map, elsewhere, rng=rng)
 
 
 def test_what_renews_nothing_is_refused():

@@ -40,11 +40,11 @@ def renewed(
     if (bins := histograms.shape[1]) != (known := texton_map.histograms.shape[1]):
         found = f"flight {flight.name!r} has histograms of {bins} bins, the map of {known}"
         raise MapError(f"{found}: give a flight of the same kind")
-    held, came = ({*map(bytes, each.astype("f4"))} for each in (texton_map.histograms, histograms))
+    frames = (texton_map.positions, texton_map.histograms), (later.position, histograms)
+    held, came = ({*map(bytes, np.hstack(each).astype("f4"))} for each in frames)
     if (again := len(held & came)) > len(later) / 20:  # no left-out block would be without them
         raise ParameterError(f"{again} frames of {flight.name!r} are in the map: give a later one")
     old = ~contradicted(texton_map, histograms, later.position)
-    corners = np.reshape(texton_map.area, (2, 2)).T
     start = texton_map.time[-1] + GAP_S - later.time[0]
     news = {"renewed": [flight.name, flight.data_hash], "assessment": None}  # not judged yet
     result = replace(
@@ -52,7 +52,7 @@ def renewed(
         histograms=np.concatenate([texton_map.histograms[old], histograms]),
         positions=np.concatenate([texton_map.positions[old], later.position]),
         time=np.concatenate([texton_map.time[old], later.time + start]),
-        area=area_around(np.concatenate([corners, later.position])),
+        area=area_around(np.concatenate([np.reshape(texton_map.area, (2, 2)).T, later.position])),
         provenance=texton_map.provenance | news,
     )
     parts = {role: part.untrained() for role, part in texton_map.parts.items() if role not in KEPT}

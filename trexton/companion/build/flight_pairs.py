@@ -139,8 +139,8 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
     Raises
     ------
     FlightError
-        A folder is no flight, fewer than three frames of the test have a position, or most have
-        those of the training.
+        A folder is no flight, fewer than three frames of the test have a position, or most are
+        frames of the training.
     """
     first = read_flight(flight)
     if test_flight is None:
@@ -149,14 +149,17 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
     else:
         train = first.part_or_all("train")
         test = read_flight(test_flight).part_or_all("test")
+        # The same places may be visited again, where other values are sensed.
+        parts = ((each.position, each.histograms) for each in (train, test))
+        rows = (np.hstack([part for part in each if part is not None]) for each in parts)
+        known, came = ({*map(bytes, each)} for each in rows)
+        if (shared := len(known & came)) > len(came) / 2:
+            found = f"{shared} frames of flight {test.name!r} are those it would be trained on"
+            raise FlightError(f"{found}, which proves nothing: give another flight to test on")
     located = int(test.located.sum())
     if located < 3:
         found = f"flight {test.name!r} has {located} frames with a position to test on"
         raise FlightError(f"{found}: a test needs at least 3")
-    known = {*map(bytes, train.position[train.located])}
-    if (shared := sum(bytes(place) in known for place in test.position)) > located / 2:
-        found = f"{shared} positions of flight {test.name!r} are those it would be trained on"
-        raise FlightError(f"{found}, which proves nothing: give another flight to test on")
     if type(test.frames) is ImageFiles:
         test = replace(test, frames=_Held(test.frames.files))
     return train, test
@@ -173,12 +176,8 @@ def with_splits(flight: Flight) -> Flight:
     located = np.flatnonzero(flight.located)
     rows = located if len(located) > 1 else np.arange(len(flight))
     last = int(rows[min(max(1, round(_SHARE * len(rows))), len(rows) - 1) - 1])
-    numbers = flight.frame
-    train, test = (numbers[0], numbers[last]), (numbers[last + 1], numbers[-1])
-    return replace(
-        flight,
-        split={"train": (int(train[0]), int(train[1])), "test": (int(test[0]), int(test[1]))},
-    )
+    first, last, then, end = flight.frame[[0, last, last + 1, -1]].tolist()
+    return replace(flight, split={"train": (first, last), "test": (then, end)})
 
 
 def _resolve(path: str) -> Path:
