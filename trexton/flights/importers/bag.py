@@ -60,6 +60,7 @@ class Settings(Options):
 
     image: str = option("", "topic of the images (default: the only one)")
     pose: str = option("", "topic of the positions (default: the only one)")
+    body: str = option("", "whose positions, by child_frame_id (default: the only one)")
     axes: str = axes_option()
 
 
@@ -82,9 +83,15 @@ def read(source: Path, settings: Settings) -> Recording:
     if len(damaged) > len(whole):
         raise FlightError(damaged[0])
     numbers, *shot = np.array(whole, dtype=np.int64).reshape(-1, 3).T
-    rows = [(*stamps, _pose(message)) for *stamps, message in bag.messages(poses)]
-    posed = np.array([stamps for *stamps, _ in rows], dtype=np.int64).reshape(-1, 2)
-    values = np.array([pose for *_, pose in rows], dtype=float).reshape(-1, 7)
+    told = [(_body(message), stamps, _pose(message)) for *stamps, message in bag.messages(poses)]
+    bodies = sorted({body for body, *_ in told})
+    wanted = [each for each in bodies if settings.body in ("", each, each.partition(" in ")[0])]
+    if told and len(wanted) != 1:  # of several the track would jump to and fro
+        found = f"{source}: {poses} holds positions of {', '.join(map(repr, bodies))}"
+        raise FlightError(f"{found}: name one of them with --body")
+    rows = [row for body, *row in told if body in wanted]
+    posed = np.array([stamps for stamps, _ in rows], dtype=np.int64).reshape(-1, 2)
+    values = np.array([pose for _, pose in rows], dtype=float).reshape(-1, 7)
     said = [f"images from {images}, positions from {poses}", *unreadable(damaged)]
     stamps = shot[0], posed[:, 0]  # none are where they are zero, or mostly those of others
     clock = int(any(not each.all() or 2 * len(np.unique(each)) < len(each) for each in stamps))
@@ -204,6 +211,12 @@ def _check_named_once(reader: Any) -> None:
 
 def _refuse_file(*_: Any) -> NoReturn:
     raise ValueError("packed as a whole file: convert it to MCAP with ros2 bag convert")
+
+
+def _body(message: Any) -> str:
+    """Whose pose it is, in which frame."""
+    named = getattr(message, "child_frame_id", ""), message.header.frame_id
+    return " in ".join(filter(None, named))
 
 
 def _pose(message: Any) -> list[float]:
