@@ -196,3 +196,15 @@ def test_features_that_count_or_stand_still_are_named():
     assert not any(
         "repeat" in said for said in warnings(replace(flight, histograms=held, position=hover))
     )
+
+
+@pytest.mark.parametrize("kind", ["circle, steady turn", "fast quadrotor"])
+def test_an_area_in_another_unit_is_named(kind):
+    """The map of a room would be taken for one of a field: errors look small beside it."""
+    flight = sound(kind, 5, 400)
+    low, high = np.reshape(flight.area, (2, 2)).T
+    center, half = (low + high) / 2, (high - low) / 2
+    wide = replace(flight, area=tuple(np.ravel([center - 100 * half, center + 100 * half], "F")))
+    (doubt,) = (each for each in warnings(wide) if "area_m" in each)
+    assert "write both in metres" in doubt
+    assert not any("area_m" in each for each in warnings(flight))

@@ -1,4 +1,5 @@
-"""Heights and yaws that jump and come back while the vehicle flies on. `jump_doubts` names them."""
+"""Heights and yaws that jump and come back while the vehicle flies on (`jump_doubts`), and features
+that do not change with it (`feature_doubts`)."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,6 +14,7 @@ from trexton.flights.tracking import FEWEST, SMALLEST, Doubt, count_of, longest_
 
 NOISE = 8.0  # times the usual step: noise does not go so far
 MOST = 0.15  # of the rows: where more jump it is the flight
+HELD, COUNTED = 0.2, 30  # of the area, flown at one value; frames through which a counter counts
 CLIMB, CLIMBS = 0.25, 2.5  # of the usual height, and metres a second, that are no jump
 TURN, TURNS = 0.5, 4.0  # radians, and radians a second
 
@@ -36,6 +38,23 @@ def jump_doubts(flight: Flight) -> Iterator[str]:
             known[rows] = np.nan
             mend = partial(replace, **{column: known})
             yield Doubt(f"{said}: {advice}", f"{said}, left empty", mend)
+
+
+def feature_doubts(flight: Flight) -> Iterator[str]:
+    """Histograms that repeat while the vehicle flies on, and features that only count."""
+    if len(flight) < 3 or (values := flight.histograms) is None:
+        return
+    steps, moved = np.diff(values, axis=0), np.hypot(*np.diff(flight.position, axis=0).T)
+    same, counts = ~steps.any(axis=1), (steps > 0).all(axis=0) | (steps < 0).all(axis=0)
+    if same.all():
+        yield "all histograms are the same: no frame can be told from another"
+    elif np.nansum(moved[same]) > HELD * flight.diagonal:
+        held = f"from frame {flight.frame[1:][same][0]} on {same.sum()} histograms repeat the last"
+        yield f"{held} while the vehicle flew on: did the sensor stand still? leave them out"
+    if counts.any() and len(flight) >= COUNTED:
+        place = int(counts.argmax())
+        name = flight.feature_names[place] if flight.feature_names else place
+        yield f"feature {name} only rises or falls: a clock or a counter? leave it out"
 
 
 def _strays(time: np.ndarray, values: np.ndarray, least: float, fastest: float) -> np.ndarray:

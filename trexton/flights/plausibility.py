@@ -13,7 +13,7 @@ from trexton.flights import motion
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers import axes
-from trexton.flights.jumps import jump_doubts
+from trexton.flights.jumps import feature_doubts, jump_doubts
 from trexton.flights.tracking import SET_BACK, Doubt, count_of, lost_rows, tracking_doubts
 from trexton.vision.camera import wrapped
 from trexton.vision.threads import ahead
@@ -30,9 +30,9 @@ _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("millisecon
 LONGEST_GAP = 1800.0  # seconds between frames of one flight; clocks may be an hour apart
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO, FLOOR_RATIO = 5.0, 20.0  # heights, and the floor's picture, by the diagonal
+AREA_RATIO = 50.0  # the diagonal, by what the positions span
 OFFSET_FRAMES = 400  # frames whose turning is measured
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
-HELD, COUNTED = 0.2, 30  # of the area, flown at one value; frames through which a counter counts
 TURNED, MAX_TILT = 0.5, 0.35  # radians: of yaw, to know axes by; half of a flight is more level
 
 
@@ -49,7 +49,7 @@ def _scaled(factor: float | np.ndarray, *columns: str) -> Callable[[Flight], Fli
 def warnings(flight: Flight) -> list[Doubt]:
     """What the checks say, in their order."""
     places = (_outside, tracking_doubts, _speed, _heights, _angles, _view, _motion, _extent)
-    others = (jump_doubts, _stamps, _splits, _floor, _features)
+    others = (jump_doubts, _stamps, _splits, _floor, feature_doubts)
     said = (each for check in (*places, *others) for each in check(flight))
     return [each if isinstance(each, Doubt) else Doubt(each) for each in said]
 
@@ -221,9 +221,12 @@ def _motion(flight: Flight) -> Iterator[str]:
 
 def _extent(flight: Flight) -> Iterator[str]:
     place = flight.position[flight.located]
-    if len(place) > 1 and (extent := np.ptp(place, axis=0)).max() < MIN_EXTENT:
-        span = f"the {len(place)} positions span {extent[0]:.2g} m x {extent[1]:.2g} m"
+    extent = np.ptp(place, axis=0) if len(place) > 1 else np.full(2, np.inf)
+    span = f"the {len(place)} positions span {extent[0]:.2g} m x {extent[1]:.2g} m"
+    if extent.max() < MIN_EXTENT:
         yield f"{span}: another unit than metres, or a vehicle that stood still"
+    elif extent.max() * AREA_RATIO < flight.diagonal:
+        yield f"{span}, area_m {flight.diagonal:.3g} m from corner to corner: write both in metres"
 
 
 def _stamps(flight: Flight) -> Iterator[str]:
@@ -255,8 +258,8 @@ def _splits(flight: Flight) -> Iterator[str]:
     if {"train", "test"} <= set(flight.split):
         (first, last), (begin, end) = flight.split["train"], flight.split["test"]
         if (common := min(last, end) - max(first, begin) + 1) > 0:
-            shared = count_of(common, "frame")
-            yield f"splits train and test share {shared}, which prove nothing: part them"
+            found = f"splits train and test share {count_of(common, 'frame')}"
+            yield f"{found}, which prove nothing: part them"
 
 
 def _floor(flight: Flight) -> Iterator[str]:
@@ -279,20 +282,6 @@ def _floor(flight: Flight) -> Iterator[str]:
             f"x {corners[:, 0].min():.3g}, y {corners[:, 1].min():.3g}, and {on:.0%} of the "
             "positions lie on it: write world_from_pixel in metres"
         )
-
-
-def _features(flight: Flight) -> Iterator[str]:
-    if len(flight) < 3 or (values := flight.histograms) is None:
-        return
-    steps, moved = np.diff(values, axis=0), np.hypot(*np.diff(flight.position, axis=0).T)
-    same, counts = ~steps.any(axis=1), (steps > 0).all(axis=0) | (steps < 0).all(axis=0)
-    if same.all():
-        yield "all histograms are the same: no frame can be told from another"
-    elif np.nansum(moved[same]) > HELD * flight.diagonal:
-        held = f"from frame {flight.frame[1:][same][0]} on {same.sum()} histograms repeat the last"
-        yield f"{held} while the vehicle flew on: did the sensor stand still? leave them out"
-    if counts.any() and len(flight) >= COUNTED:
-        yield f"feature {counts.argmax()} only rises or falls: a clock or a counter? leave it out"
 
 
 def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
