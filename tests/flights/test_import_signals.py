@@ -83,3 +83,17 @@ def test_a_stamp_of_another_year_takes_no_memory(tmp_path):
     recording = read(log, Settings())
     assert recording.histograms.shape == (5, 2)
     np.testing.assert_allclose(recording.histograms[-1], [-100, -50])
+
+
+def test_stamps_in_milliseconds_are_no_seconds(tmp_path):
+    """A reading would be a frame, of one source; scans that are far apart are none such."""
+    log = tmp_path / "log.csv"
+    rows = [f"{40 * n},{'abc'[n % 3]},{-60 - n % 7},{n / 9},1" for n in range(90)]
+    log.write_text("\n".join(["stamp,source,value,x,y", *rows]))
+    with pytest.raises(FlightError, match="readings come 40 s apart.*--time-unit"):
+        read(log, Settings())
+    recording = read(log, Settings(time_unit="ms"))
+    assert len(recording.time_ns) == 8 and np.diff(recording.time_ns).max() == 5e8
+    scans = [f"{10 * n},{source},-60,{n},1" for n in range(9) for source in "abc"]
+    log.write_text("\n".join(["stamp,source,value,x,y", *scans]))
+    assert len(read(log, Settings()).time_ns) == 9

@@ -2,7 +2,7 @@
 known. Each source, a radio beacon say, is a feature; a frame is what was heard in a bin of time.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +11,8 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.importers.listed import column_names
-from trexton.flights.importers.recording import PoseTrack, Recording, nanoseconds
-from trexton.flights.tables import is_number, read_table
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, nanoseconds
+from trexton.flights.tables import TIMES, is_number, read_table
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,10 @@ class Settings(Options):
     """What can be chosen."""
 
     columns: str = option("stamp,source,value,x,y,z", "columns in order, if the log has no header")
+    time_unit: str = option("s", "of the stamps", choices=tuple(TIMES))
     bin: float = option(0.5, "seconds of a frame", low=0.001)
     keep: float = option(3.0, "seconds for which the last value of a source holds", low=0)
+    names: str = option("", "sources in order, heard or not (default: all that are heard)")
     floor: float = option(-100.0, "value of a source that is not heard")
 
 
@@ -31,11 +33,12 @@ def recognises(source: Path) -> bool:
 
 def read(source: Path, settings: Settings) -> Recording:
     """The recording of one log: a column a source, in the order of their names."""
-    time, names, value, position = _readings(source, settings.columns)
+    time, names, value, position = _readings(source, settings)
     start = time.min()
     bins = np.floor((time - start) / settings.bin)
     used, index = np.unique(bins, return_inverse=True)  # a stamp may lie years from the others
-    sources, columns = np.unique(names, return_inverse=True)
+    sources = settings.names.split(",") if settings.names else np.unique(names).tolist()
+    columns = np.array([sources.index(name) for name in names])
     total, heard = np.zeros((2, len(used), len(sources)))
     np.add.at(total, (index, columns), value)
     np.add.at(heard, (index, columns), 1)
@@ -50,20 +53,26 @@ def read(source: Path, settings: Settings) -> Recording:
     stamps = nanoseconds(start + settings.bin * used)
     track = PoseTrack(stamps, places) if np.isfinite(places[:, :2]).any() else None
     name, said = f"log {source.name}", f"{source}: {len(time)} readings in {len(used)} frames"
-    return Recording(stamps, track, histograms=values, features="signals", source=name, said=[said])
+    recording = Recording(stamps, track, source=name, said=[said])
+    return replace(recording, histograms=values, features="signals", names=tuple(sources))
 
 
-def _readings(path: Path, columns: str) -> tuple[np.ndarray, ...]:
-    """``(R,)`` stamps in seconds, sources and values, ``(R, 3)`` positions or NaN; `columns` are
-    those of a log without a header.
-    """
+def _readings(path: Path, settings: Settings) -> tuple[np.ndarray, ...]:
+    """``(R,)`` stamps in seconds, sources and values, ``(R, 3)`` positions or NaN."""
     headless = is_number(read_text(path).partition(",")[0])
-    table = read_table(path, columns.split(",") if headless else ())
+    table = read_table(path, settings.columns.split(",") if headless else ())
     unknown = np.full(len(table), np.nan)
     places = [table.numbers(axis) if axis in table.header else unknown for axis in "xyz"]
-    time, value = table.numbers("stamp"), table.numbers("value")
-    good = (np.abs(time) < 9e9) & np.isfinite(value)  # later ones are not in seconds
+    time = table.numbers("stamp") * (TIMES[settings.time_unit] / NANO)
+    names, value = np.array(table.texts("source")), table.numbers("value")
+    good = (np.abs(time) < 9e9) & np.isfinite(value)  # later ones are in another unit
+    good &= not settings.names or np.isin(names, settings.names.split(","))
     if not good.any():
-        raise FlightError(f"{path}: no row has a value, and a stamp in seconds: give both")
+        raise FlightError(f"{path}: no row has a value of a source, and a stamp in seconds")
+    stamps = np.unique(time[good])
+    gap = np.median(np.diff(stamps, prepend=stamps[0]))
+    if gap > settings.keep and 2 * len(stamps) > good.sum():  # frames would hold one value each
+        found = f"{path}: readings come {gap:.3g} s apart, longer than values hold"
+        raise FlightError(f"{found}: give --time-unit, such as ms, or a longer --keep")
     position = np.ma.masked_invalid(np.column_stack(places)[good])
-    return time[good], np.array(table.texts("source"))[good], value[good], position
+    return time[good], names[good], value[good], position
