@@ -134,3 +134,12 @@ def test_rows_of_photographs_that_are_not_there_are_said_and_left_out(tmp_path):
     path.write_text(path.read_text().replace("2024-05-01T10:00:02", "yesterday"))
     with pytest.raises(FlightError, match=r"positions.csv, row 4: 'yesterday' is no time"):
         import_flight(source, tmp_path / "again")
+
+
+def test_a_photograph_named_twice_has_no_place(tmp_path):
+    source = photos(tmp_path / "p")
+    table(source, "file,lat,lon", "{name},{lat},8")
+    with open(source / "positions.csv", "a") as stream:
+        stream.write("\nIMG_8.jpg,47.5,8\n")
+    with pytest.raises(FlightError, match="names IMG_8.jpg 2 times: leave one row"):
+        import_flight(source, tmp_path / "out")

@@ -38,3 +38,10 @@ def test_a_long_list_or_text_is_no_key(tmp_path):
     text = 'name = "a"\nsource = "' + "It rained. And it blew. " * 50 + '"\n'
     (tmp_path / "flight.toml").write_text(text + "notes = [" + '"1.5, 2.5", ' * 500 + "]\n")
     assert read_header(tmp_path / "flight.toml")[1] == []
+
+
+def test_a_split_in_capitals_would_be_read_by_nobody(tmp_path):
+    """Its test frames would train."""
+    (tmp_path / "flight.toml").write_text('name = "a"\n[split]\nTrain = [0, 9]\nlater = [10, 12]\n')
+    (fault,) = read_header(tmp_path / "flight.toml")[1]
+    assert "[split] Train is read by nobody: name it train" in fault

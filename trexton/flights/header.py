@@ -117,6 +117,8 @@ def _wrong_entries(header: dict[str, Any]) -> Iterator[str]:
             yield f"{name} is {table!r}: expected a table [{name}]"
             continue
         if name == "split":
+            odd = [key for key in table if key != key.lower() in ("train", "test")]
+            yield from (f"[split] {key} is read by nobody: name it {key.lower()}" for key in odd)
             keys = dict.fromkeys(table, (_frames, "[first frame, last frame]"))
         for key, (fits, expected) in keys.items():
             what = f"[{name}] {key}" if name else key

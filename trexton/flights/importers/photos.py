@@ -191,6 +191,8 @@ def _by_name(path: Path, names: list[str], files: list[Path]) -> dict[Path, int]
     short = {name: row for row, name in enumerate(last) if name not in twice}
     rows = {file: whole.get(file.name, short.get(file.name)) for file in files}
     found = {file: row for file, row in rows.items() if row is not None}
+    if again := [name for name, count in Counter(names).items() if count > 1]:
+        raise FlightError(f"{path} names {again[0]} {names.count(again[0])} times: leave one row")
     if names and not found:
         raise FlightError(f"{path} names {names[0]}, the folder holds {files[0].name}: correct it")
     return found
