@@ -120,7 +120,7 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
     words = ["report", str(tmp_path / "loop"), "--no-book", "--methods", "paper"]
     assert cli.main([*words, "--out", str(out)]) == 0
     said = capsys.readouterr()
-    assert "frames 0 to 71 of 120 train, the later ones test" in said.err
+    assert "frames 0 to 71 train, the later ones test, 120 in all" in said.err
     assert said.out.endswith(f"{out / 'report.html'}\n")
     assert "the method `paper`" in said.out
     page = (out / "report.html").read_text("utf-8")
@@ -205,3 +205,20 @@ def test_training_says_what_is_wrong_with_the_flight_before_it_teaches(tmp_path,
     assert cli.main(["train", str(tmp_path / "mm"), "-o", str(tmp_path / "b.npz")]) == 1
     assert "120 of 120 positions far from its area_m" in capsys.readouterr().err
     assert not (tmp_path / "b.npz").exists()
+
+
+def test_a_map_replaces_a_map_and_nothing_else(flight_folder, tmp_path, capsys):
+    notes, output = tmp_path / "notes.npz", tmp_path / "map.npz"
+    np.savez(notes, mine=np.arange(3))
+    words = ["train", str(flight_folder), "--method", "paper", "-o"]
+    before = notes.read_bytes()
+    assert cli.main([*words, str(notes)]) == 1 and notes.read_bytes() == before
+    assert "is a file that is no map: give another name" in capsys.readouterr().err
+    output.touch()
+    assert cli.main([*words, str(output)]) == cli.main([*words, str(output)]) == 0
+
+
+def test_a_picture_has_no_layout(tmp_path, capsys):
+    words = ["simulate", "--out", str(tmp_path / "f"), "--floor", "p.png", "--layout", "carpet"]
+    assert cli.main(words) == 1 and not (tmp_path / "f").exists()
+    assert "--layout and --floor-seed are of a painted hall" in capsys.readouterr().err

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from trexton.cli.export import write_tum
+from trexton.cli.main import main
 from trexton.flights.flight import Flight
+from trexton.flights.writing import write_flight
 
 
 def flight(position: np.ndarray, **more) -> Flight:
@@ -42,3 +44,20 @@ def test_frames_without_a_position_are_left_out(tmp_path):
     half = np.sqrt(0.5)
     expected = [[0, 0, 1, 1, 0, 0, half, half], [0.16, 2, 3, 1.2, 0, 0, 1, 0]]
     np.testing.assert_allclose(rows, expected, atol=1e-9)
+
+
+def test_a_file_of_somebodys_own_is_not_replaced(tmp_path, capsys):
+    write_flight(flight(np.array([[0.0, 1], [1, 1], [2, 3]])), tmp_path / "f")
+    notes = tmp_path / "notes.txt"
+    notes.write_text("mine")
+    words = ["export", str(tmp_path / "f"), "tum", "--out", str(notes)]
+    assert main(words) == 1 and notes.read_text() == "mine"
+    assert "is there already: say --replace" in capsys.readouterr().err
+    assert main([*words, "--replace"]) == 0 and len(np.loadtxt(notes)) == 3
+
+
+def test_a_flight_without_positions_has_no_track(tmp_path, capsys):
+    write_flight(flight(np.full((3, 2), np.nan)), tmp_path / "f")
+    assert main(["export", str(tmp_path / "f"), "tum", "--out", str(tmp_path / "t.tum")]) == 1
+    assert "no frame has a position" in capsys.readouterr().err
+    assert not (tmp_path / "t.tum").exists()

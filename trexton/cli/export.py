@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trexton.base.errors import FlightError, ParameterError
 from trexton.base.files import atomic_file, check_not_read
 from trexton.base.progress import say
 from trexton.flights.flight import Flight
@@ -15,12 +16,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", metavar="FLIGHT", help="the folder that holds flight.toml")
     parser.add_argument("kind", choices=["tum"], help="the format")
     parser.add_argument("--out", required=True, metavar="FILE", help="file to write")
+    parser.add_argument("--replace", action="store_true", help="replace the file that is there")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    check_not_read(arguments.out, arguments.flight)
+    path = Path(arguments.out)
+    check_not_read(path, arguments.flight)
+    if path.exists() and not arguments.replace:
+        raise ParameterError(f"{path}: is there already: say --replace, or give another name")
     flight = read_flight(arguments.flight)
-    path = write_tum(flight, Path(arguments.out))
+    if not flight.located.any():
+        raise FlightError(f"{arguments.flight}: no frame has a position: there is no track")
+    write_tum(flight, path)
     say(f"{path}: {flight.located.sum()} positions of {flight.name}")
     return 0
 

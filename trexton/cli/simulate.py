@@ -45,6 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
             raise ParameterError("--floor-width is given without --floor: add the picture")
         floor = Floor.painted(options.layout, options.floor_seed)
     else:
+        if (options.layout, options.floor_seed) != (SimulateOptions.layout, 0):
+            raise ParameterError("--layout and --floor-seed are of a painted hall: no --floor then")
         check_not_read(arguments.out, options.floor)
         width = 5.0 if options.floor_width is None else options.floor_width
         floor = Floor.from_file(options.floor, width)

@@ -18,7 +18,7 @@ from trexton.evaluation.held_out import LEAST_COVERAGE, Assessment, assess
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
 from trexton.flights.plausibility import warnings
-from trexton.localization.map_files import load_map, save_map
+from trexton.localization.map_files import check_map_or_new, load_map, save_map
 from trexton.localization.methods import compose, parse_choices
 from trexton.localization.renewal import renewed
 from trexton.localization.texton_map import TextonMap
@@ -52,6 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     options = chosen_options(arguments, TrainOptions)
     check_not_read(arguments.output, arguments.flight)
     check_writable(arguments.output)
+    check_map_or_new(arguments.output)
     flight = read_flight(arguments.flight).part_or_all("train")
     for doubt in warnings(flight):
         say(f"warning  {doubt}")
