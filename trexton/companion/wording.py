@@ -62,7 +62,9 @@ def lengths(cm: float) -> Callable[[Mapping[str, Any] | float], str]:
 
 
 def percent(share: Mapping[str, Any] | float | None) -> str:
-    """A share in per cent, with a decimal only below ten, and its interval if that has a width."""
+    """A share in per cent, with a decimal below ten, two of very little, and its interval if that
+    has a width.
+    """
     if share is None:
         return UNKNOWN
     if isinstance(share, Mapping):
@@ -72,6 +74,7 @@ def percent(share: Mapping[str, Any] | float | None) -> str:
         return f"{percent(middle(share))} [{low}, {high}]"
     value = 100 * share
     digits = 1 if 0 < abs(value) < 9.95 and abs(value - round(value)) >= 0.05 else 0
+    digits = 2 if 0.005 <= abs(value) < 0.05 else digits
     return f"{value:.{digits}f} %"
 
 

@@ -60,8 +60,9 @@ class Localizer:
 
     Raises
     ------
-    ParameterError
-        A part or option is unknown or out of range, `rng` is no generator.
+    ParameterError, MapError
+        A part or option is unknown or out of range, `rng` is no generator; the map lacks what
+        another method learns from.
     """
 
     def __init__(

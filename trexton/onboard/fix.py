@@ -34,12 +34,13 @@ class Fix:
     position : (2,) array
         Metres, in the map's axes.
     spread : (2,) array
-        Standard deviations of the particles, metres (the paper's uncertainty).
+        Standard deviations in x and y, metres; of a particle filter its particles' (the paper's
+        uncertainty).
     covariance : (2, 2) array
-        Second moment of the particles about `position`: never less than their covariance.
+        Of the error of `position`, square metres.
     lost : bool
-        The localizer does not trust its position, its particles are spread over most of the area,
-        or another hypothesis has not lasted long enough.
+        The localizer does not trust its position, its uncertainty spans most of the area, or
+        another hypothesis has not lasted long enough.
     observed : bool
         An image went into this report; otherwise the filter only predicted.
     stale : bool
@@ -194,8 +195,7 @@ class LocalFrame:
         Radians from north, clockwise, of the map's +y axis (as a compass shows it when looking
         along it).
     height : float
-        Metres the camera flies above the floor: the method holds it constant and does not estimate
-        it.
+        Metres the camera flies above the floor, sent as it is given: no estimate of it is sent.
     """
 
     heading: float = 0.0

@@ -59,9 +59,7 @@ class MapPlacement(Options):
     heading: float | None = option(
         None, "compass heading of the map's +y, degrees; north unless given", low=-360, high=360
     )
-    height: float = option(
-        1.0, "flying height in metres, which is not estimated", low=0.01, high=1000
-    )
+    height: float = option(1.0, "flying height in metres, sent as it is given", low=0.01, high=1000)
 
     @property
     def local(self) -> LocalFrame:
