@@ -18,6 +18,7 @@ pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 from onboard_autopilot import AUTOPILOT_HEARTBEAT, Peer
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from trexton.base.errors import FlightError
 from trexton.cli import preflight as module
 from trexton.cli.main import main
 from trexton.cli.preflight import preflight
@@ -83,8 +84,8 @@ def test_another_floor(place, tmp_path):
 
 
 def test_another_size(place, tmp_path):
-    found = checked(spoilt(place, tmp_path, lambda image: image[:64, :64]))
-    assert not found["camera"] and not found["map"]
+    with pytest.raises(FlightError, match="images of 64x64 pixels where images of 128x96"):
+        checked(spoilt(place, tmp_path, lambda image: image[:64, :64]))
 
 
 def test_no_camera(place, capsys, monkeypatch):

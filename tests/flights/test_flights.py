@@ -115,7 +115,7 @@ def test_parts_follow_frame_numbers_with_both_ends():
             "7,0.25,0.25,0.25,0.25",
             "row 4: its frames differ from those of frames.csv",
         ),
-        ("histograms.csv", 1, "frame,a,b,c,d", "unknown columns frame,a,b,c"),
+        ("histograms.csv", 1, "row,t0,t1,t2,t3", "unknown columns row,t0,t1,t2"),
         ("flight.toml", 1, "format = 2", "format 2 is newer than 1"),
         ("flight.toml", 1, "colour = 2", "unknown key 'colour'"),
         ("flight.toml", 1, "camera = 3", "camera is 3: expected a table"),

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
-from small_room import histogram_flight
+from small_room import histogram_flight, picture_flight
 
-from trexton.base.errors import MapError, ParameterError
+from trexton.base.errors import FlightError, MapError, ParameterError
+from trexton.companion.build.flight_pairs import load_pair
+from trexton.flights.writing import write_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.renewal import renewed
 from trexton.localization.training import train_map
+from trexton.vision.camera import Rectification
 
 
 def changed(flight):
@@ -62,7 +66,38 @@ def test_what_renews_nothing_is_refused():
     rng = np.random.default_rng(0)
     with pytest.raises(MapError, match="no frame with a position"):
         renewed(texton_map, replace(flight, position=np.full((60, 2), np.nan)), rng=rng)
-    with pytest.raises(MapError, match="histograms of 4 bins, the map of 5"):
+    with pytest.raises(FlightError, match="has 4 features a frame where 5 features a frame were"):
         renewed(texton_map, replace(flight, histograms=np.full((60, 4), 0.25)), rng=rng)
     with pytest.raises(ParameterError, match="method fine holds pictures"):
         renewed(replace(texton_map, method="fine"), flight, rng=rng)
+
+
+def test_a_flight_beside_the_map_or_of_another_camera_does_not_renew_it(tmp_path):
+    rng = np.random.default_rng(0)
+    flight = histogram_flight("old", frames=120)
+    texton_map = train_map(flight, rng=rng)
+    aside = replace(histogram_flight("later", noise=2), position=flight.position[:60] + (20, 0))
+    with pytest.raises(MapError, match="100% of the positions of 'later' lie beside the map"):
+        renewed(texton_map, aside, rng=rng)
+    pictured = picture_flight(tmp_path / "a", "pictured")
+    texton_map = train_map(pictured, method="paper", rng=rng)
+    lens = Rectification((96, 72), (0, 0, 96, 72), (48, 36), 90.0, (48, 36), (0.1, 0, 0, 0))
+    undistorted = replace(pictured, rectification=lens)
+    with pytest.raises(FlightError, match="has undistorted images of 48x36 pixels where images"):
+        renewed(texton_map, undistorted, rng=rng)
+    small = picture_flight(tmp_path / "b", "small")
+    for file in small.frames.files:
+        cv2.imwrite(str(file), cv2.resize(cv2.imread(str(file)), (24, 18)))
+    with pytest.raises(FlightError, match="images of 24x18 pixels where images of 48x36"):
+        renewed(texton_map, small, rng=rng)
+    with pytest.raises(FlightError, match="images of 24x18 pixels where images of 48x36"):
+        load_pair(write_flight(pictured, tmp_path / "A"), write_flight(small, tmp_path / "B"))
+
+
+def test_every_renewal_is_recorded():
+    rng = np.random.default_rng(0)
+    texton_map = train_map(histogram_flight("old", frames=120), rng=rng)
+    for noise in (2, 3):
+        later = histogram_flight(f"later {noise}", frames=120, noise=noise)
+        texton_map, _ = renewed(texton_map, later, rng=rng)
+    assert [name for name, _ in texton_map.provenance["renewed"]] == ["later 2", "later 3"]

@@ -10,6 +10,7 @@ from conftest import small_flight
 from onboard_tools import room_map
 
 from trexton.cli.main import main
+from trexton.flights.folder import read_flight
 from trexton.flights.writing import write_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
@@ -209,10 +210,10 @@ def test_images_for_a_map_of_histograms(flight, capsys):
 
 
 def test_a_flight_of_which_nothing_could_be_used_is_a_failure(flight, tmp_path, capsys):
-    path = save_map(
-        room_map(), tmp_path / "room.npz"
-    )  # 16 textons, and the histograms have another K
-    words = ["onboard", str(path), "--camera", str(flight[0]), "--output", "csv:/dev/null"]
+    counted = read_flight(flight[0])
+    counted = replace(counted, features="counts", histograms=3 * counted.histograms)
+    path = write_flight(counted, tmp_path / "counts")
+    words = ["onboard", str(flight[1]), "--camera", str(path), "--output", "csv:/dev/null"]
     for quiet in ([], ["--quiet"]):
         assert main([*words, *quiet]) == 1
         told = capsys.readouterr().err.splitlines()[-1]

@@ -55,6 +55,8 @@ class Flight:
     features : str
         What they count: ``textons``, relative frequencies that sum to one, or another word for
         values that need not.
+    feature_names : tuple of str
+        Names of their columns, where the source gives some: those of a map are compared to them.
     area : (x_min, x_max, y_min, y_max)
         The area in which the vehicle can be, in metres.
     split : dict of str to (first, last)
@@ -78,6 +80,7 @@ class Flight:
     frames: ImageFiles | None = None
     histograms: np.ndarray | None = None
     features: str = "textons"
+    feature_names: tuple[str, ...] = ()
     camera: Camera | None = None
     split: dict[str, tuple[int, int]] = field(default_factory=dict)
     floor_file: Path | None = None
@@ -105,6 +108,11 @@ class Flight:
                     f"flight {self.name!r} has {len(self.frame)} frame numbers and {len(value)} of "
                     f"{key}: give one for each frame"
                 )
+        count = 0 if self.histograms is None else self.histograms.shape[1]
+        names = self.feature_names
+        if names and not len({*names, "frame"}) - 1 == len(names) == count:
+            found = f"flight {self.name!r} has {len(names)} names of {count} features"
+            raise FlightError(f"{found}: give one for each, all different, or none")
         if self.features == "textons" and self.histograms is not None:
             sums = self.histograms.sum(axis=1)
             wrong = (np.abs(sums - 1) > SUM_TOLERANCE) & self.histograms.any(axis=1)
@@ -178,7 +186,9 @@ class Flight:
         return float(np.hypot(x_max - x_min, y_max - y_min))
 
     def image(self, index: int) -> np.ndarray:
-        """The image at row `index` as ``(H, W, 3) uint8`` Y, U, V."""
+        """The image at row `index` as ``(H, W, 3) uint8`` Y, U, V; raises `FlightError` where there
+        are none, or it has another size than others, `ImageError` where it cannot be read.
+        """
         if self.frames is None:
             raise FlightError(
                 f"flight {self.name!r} has no images, but this step needs them: use a flight that "
@@ -236,7 +246,9 @@ class Flight:
 
     @cached_property
     def floor(self) -> MapImage | None:
-        """The true floor as a map image, if the flight carries one."""
+        """The true floor as a map image, if the flight carries one; raises `FlightError` where it
+        cannot be read.
+        """
         if self.floor_file is None or self.floor_from_pixel is None:
             return None
         picture = read_picture(self.floor_file)
@@ -263,6 +275,7 @@ class Flight:
             camera = [lens.width, lens.height, lens.focal, *lens.principal_point]
         if self.features != "textons":
             scalars.append(self.features)
+        scalars += self.feature_names
         if self.origin is not None:
             scalars.append(["origin", *map(float, self.origin)])
         if self.rectification is not None:

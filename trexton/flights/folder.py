@@ -102,10 +102,13 @@ def load_folder(path: Path, repaired: list[str] | None = None) -> Reading:
         order = np.unique(columns["t_s"], return_index=True)[1]
         columns = _sorted(columns, order, repaired)
     rows, histograms = np.array(table.rows)[order], None
+    names: tuple[str, ...] = ()
     _check_rows(path / "frames.csv", columns, rows, reading)
     if (path / "histograms.csv").exists():
         try:
-            histograms = _read_histograms(path / "histograms.csv", listed, declared, reading)[order]
+            file = path / "histograms.csv"
+            names, histograms = _read_histograms(file, listed, declared, reading)
+            histograms = histograms[order]
         except FlightError as error:
             reading.faults.append(str(error))
     elif "image" not in columns:
@@ -126,7 +129,7 @@ def load_folder(path: Path, repaired: list[str] | None = None) -> Reading:
             "the flight's folder: copy the picture into it"
         )
     if not reading.faults:
-        reading.flight = _assemble(path, declared, columns, files, histograms)
+        reading.flight = _assemble(path, declared, columns, files, names, histograms)
     return reading
 
 
@@ -221,6 +224,7 @@ def _assemble(
     header: Columns,
     columns: Columns,
     files: tuple[Path, ...] | None,
+    names: tuple[str, ...],
     histograms: np.ndarray | None,
 ) -> Flight:
     position = np.column_stack([columns["x_m"], columns["y_m"]])
@@ -236,7 +240,7 @@ def _assemble(
         height=columns.get("z_m"),
         attitude=np.column_stack(angles) if columns.keys() & set(ANGLES) else None,
         frames=None if files is None else ImageFiles(files), histograms=histograms,
-        features=header.get("features", "textons"),
+        features=header.get("features", "textons"), feature_names=names,
         camera=camera and Camera(
             camera["width_px"], camera["height_px"], float(camera["focal_px"]),
             tuple(camera["center_px"]) if camera.get("center_px") else None,
@@ -253,12 +257,13 @@ def _assemble(
 
 def _read_histograms(
     path: Path, frames: np.ndarray, header: Columns, reading: Reading
-) -> np.ndarray:
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """The names of the features, none where they are but counted, and ``(N, K)`` values."""
     table = read_table(path)
     names, rows = table.header, np.array(table.rows)
-    if len(names) < 2 or names != ["frame", *(f"t{i}" for i in range(len(names) - 1))]:
+    if len(names) < 2 or names[0] != "frame":
         raise FlightError(
-            f"{path}: unknown columns {','.join(names[:4])}...: expected frame,t0,t1,..."
+            f"{path}: unknown columns {','.join(names[:4])}...: expected frame, then one a feature"
         )
     values = np.column_stack([table.numbers(name, missing_allowed=False) for name in names])
     if not np.array_equal(values[:, 0], frames):
@@ -278,4 +283,5 @@ def _read_histograms(
             f"expected relative frequencies that sum to 1 within {SUM_TOLERANCE:.0%}, or "
             'features = "..." in the header for other features',
         )  # fmt: skip
-    return histograms
+    counted = names[1:] == [f"t{column}" for column in range(len(names) - 1)]
+    return () if counted else tuple(names[1:]), histograms

@@ -52,8 +52,11 @@ def write_tables(flight: Flight, folder: Path) -> None:
         columns["image"] = _image_names(flight.frames)
     _write_csv(folder / "frames.csv", columns)
     if flight.histograms is not None:
-        textons = {f"t{i}": column for i, column in enumerate(flight.histograms.T)}
-        _write_csv(folder / "histograms.csv", {"frame": flight.frame, **textons})
+        names = flight.feature_names or [
+            f"t{column}" for column in range(flight.histograms.shape[1])
+        ]
+        features = dict(zip(names, flight.histograms.T, strict=True))
+        _write_csv(folder / "histograms.csv", {"frame": flight.frame, **features})
 
 
 def _image_names(frames: ImageFiles) -> list[str]:

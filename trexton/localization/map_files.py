@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,14 @@ def save_map(texton_map: TextonMap, path: str | os.PathLike[str]) -> Path:
     np.savez_compressed(content, **_counted(texton_map))  # type: ignore[arg-type]
     write_file(path, content.getvalue())
     return Path(path)
+
+
+def check_map_or_new(path: str | os.PathLike[str]) -> None:
+    """Refuse to replace a file that holds something, but is no map, by a `ParameterError`."""
+    if not os.path.isfile(path) or os.path.getsize(path) == 0:
+        return
+    if not zipfile.is_zipfile(path) or "schema.npy" not in zipfile.ZipFile(path).namelist():
+        raise ParameterError(f"{path}: is a file that is no map: give another name")
 
 
 def load_map(path: str | os.PathLike[str]) -> TextonMap:
@@ -195,6 +204,9 @@ def _demands(whole: TextonMap) -> Iterator[tuple[bool, str, object]]:
         yield textons * whole.cells**2 == width, what, textons
         yield shape is not None, "images have a shape", None
     yield isinstance(whole.method, str), "a method has a name", whole.method
+    names = whole.feature_names
+    named = isinstance(names, list) and len(names) in (0, width)
+    yield named, f"features have {width} names, or none", names
     if "measurement" in whole.parts:
         yield whole.neighbors <= count, f"neighbours are at most {count}", whole.neighbors
     for role, part in whole.parts.items():

@@ -10,7 +10,7 @@ import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.flights.flight import Flight, area_around
-from trexton.localization.texton_map import TextonMap
+from trexton.localization.texton_map import TextonMap, check_alike
 from trexton.localization.training import full_histograms, with_parts
 
 KEPT = ("appearance", "odometry")  # roles that learned of the camera, not of the floor
@@ -28,25 +28,30 @@ def renewed(
     ------
     ParameterError
         The method keeps pictures of the floor, not histograms; or the map has these frames.
-    MapError
-        No frame of the flight has a position, or its histograms are others than the map's.
+    TrextonError
+        No frame of the flight has a position, most are beside the map, or images or features are
+        others than the map's.
     """
     if texton_map.method == "fine":
         raise ParameterError("a map of method fine holds pictures: train it again on both flights")
     if not flight.located.any():
         raise MapError(f"flight {flight.name!r} has no frame with a position: it renews nothing")
     later = flight.select(flight.located)
+    low, high = np.reshape(texton_map.area, (2, 2)).T
+    beside = ((later.position < low) | (later.position > high)).any(axis=1).mean()
+    if beside > 0.5:
+        found = f"{beside:.0%} of the positions of {flight.name!r} lie beside the map"
+        raise MapError(f"{found}: give them from the same origin, or train on both flights")
+    check_alike(later, texton_map)
     histograms = full_histograms(later, texton_map.dictionary, texton_map.cells)
-    if (bins := histograms.shape[1]) != (known := texton_map.histograms.shape[1]):
-        found = f"flight {flight.name!r} has histograms of {bins} bins, the map of {known}"
-        raise MapError(f"{found}: give a flight of the same kind")
     frames = (texton_map.positions, texton_map.histograms), (later.position, histograms)
     held, came = ({*map(bytes, np.hstack(each).astype("f4"))} for each in frames)
     if (again := len(held & came)) > len(later) / 20:  # no left-out block would be without them
         raise ParameterError(f"{again} frames of {flight.name!r} are in the map: give a later one")
     old = ~contradicted(texton_map, histograms, later.position)
     start = texton_map.time[-1] + GAP_S - later.time[0]
-    news = {"renewed": [flight.name, flight.data_hash], "assessment": None}  # not judged yet
+    renewals = [*texton_map.provenance.get("renewed", []), [flight.name, flight.data_hash]]
+    news = {"renewed": renewals, "assessment": None}  # not judged yet
     result = replace(
         texton_map,
         histograms=np.concatenate([texton_map.histograms[old], histograms]),

@@ -104,6 +104,7 @@ def _without_parts(
 ) -> TextonMap:
     """The training set of a map, and where it comes from, before any part has learned from it."""
     shape, rectified, cells = None, None, parameters["cells"]
+    names = {}
     if flight.has_images:
         shape, rectified = trained.image(0).shape[:2], flight.rectification
         if rectified and rectified.size[::-1] != shape:
@@ -118,11 +119,13 @@ def _without_parts(
             f"flight {flight.name!r} came as histograms: there is no image to cut into "
             f"{cells} x {cells} parts, leave cells at 1"
         )
+    elif flight.feature_names:
+        names = {"features": list(flight.feature_names)}
     from trexton.base.records import software_versions  # what training needs, no flight does
 
     provenance = {
         "flight": flight.name, "data_hash": flight.data_hash, "parameters": parameters,
-        "versions": software_versions(),
+        "versions": software_versions(), **names,
     }  # fmt: skip
     return TextonMap(
         dictionary,

@@ -15,6 +15,7 @@ from trexton.localization.landing import TouchdownZone
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map
 from trexton.localization.methods import parse_choices
+from trexton.localization.texton_map import check_alike
 from trexton.onboard.commander import LandingLink
 from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, MapPlacement, MavlinkOptions, Settings
@@ -85,6 +86,8 @@ def _source(texton_map: TextonMap, settings: Settings) -> Source:
     source = open_source(camera, shape, settings.options)
     if source.gives == "images" and texton_map.dictionary is None:
         raise MapError(f"{camera} gives images, the map holds no textons: train it on images")
+    if source.flight is not None:
+        check_alike(source.flight, texton_map)
     if not source.rectified:
         source.rectification = rectification
     if source.live:

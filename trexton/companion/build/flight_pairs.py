@@ -27,6 +27,7 @@ from trexton.companion.experiments.declaration import NEEDS, Experiment
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
 from trexton.flights.frames import ImageFiles
+from trexton.localization.texton_map import check_alike
 
 _SHARE = 0.6  # of the positions of a flight without splits is for training
 _HELD_BYTES = 2**29  # of images of a test flight that stay in memory
@@ -74,8 +75,8 @@ class FlightPair:
             if flight.split != own:
                 first, last = flight.split["train"]
                 say(
-                    f"{self.flight} has no splits train and test: frames {first} to {last} of "
-                    f"{len(flight)} train, the later ones test"
+                    f"{self.flight} has no splits train and test: frames {first} to {last} train, "
+                    f"the later ones test, {len(flight)} in all"
                 )
         if not re.fullmatch(r"\w[\w .+-]{0,79}", flight.name):  # longer ones no disk takes
             raise FlightError(
@@ -149,6 +150,7 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
     else:
         train = first.part_or_all("train")
         test = read_flight(test_flight).part_or_all("test")
+        check_alike(test, train)
         # The same places may be visited again, where other values are sensed.
         parts = ((each.position, each.histograms) for each in (train, test))
         rows = (np.hstack([part for part in each if part is not None]) for each in parts)

@@ -193,6 +193,7 @@ class Features:
         time: str = option("", "column of the stamps (default: by its name, else by the rate)")
         rate: float = option(12.5, "frames a second, if there are no stamps", low=0.001, high=1e4)
         features: str = option("features", "what the values count; textons must sum to one")
+        names: str = option("", "columns of the features, in order (default: all others)")
 
     @staticmethod
     def recognises(source: Path) -> bool:
@@ -211,12 +212,15 @@ class Features:
         track, said = settings.of(table, stamps)
         used = {"frame", settings.x, settings.y, settings.z, time, settings.yaw}
         used |= set(settings.quaternion.split(","))
-        if others := sorted({*times, *filter(_OTHERS.match, table.header)} - used):
+        names = settings.names.split(",") if settings.names else []
+        if not names and (others := sorted({*times, *filter(_OTHERS.match, table.header)} - used)):
             words = f"columns {', '.join(others)} are no features by their names, left out"
             known.append(f"{source}: {words}: name them with --time, --z or --yaw")
-        names = [name for name in table.header if name not in {*used, *others}]
+            used |= set(others)
+        names = names or [name for name in table.header if name not in used]
         if not names:
             raise FlightError(f"{source}: no column of values beside the positions: add some")
         rows = np.column_stack([table.numbers(name, missing_allowed=False) for name in names])
         name, said = f"features of {source.name}", said + known
-        return Recording(stamps, track, None, rows, settings.features, source=name, said=said)
+        kind, named = settings.features, tuple(names)
+        return Recording(stamps, track, None, rows, kind, named, source=name, said=said)

@@ -115,6 +115,7 @@ class Recording:
     frames: ImageFiles | Forward | None = None
     histograms: np.ndarray | None = None  # (N, K)
     features: str = "textons"  # what they count: others than textons need not sum to one
+    names: tuple[str, ...] = ()  # of the features
     camera: Camera | None = None
     source: str = ""
     said: list[str] = field(default_factory=list)  # sentences for the person who imports

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from trexton.base.plugins import addresses
 from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge, edge_at, edge_classes
 from trexton.vision.camera import Rectification
+
+if TYPE_CHECKING:
+    from trexton.flights.flight import Flight
 
 # kind: module and class, in the order in which they are asked
 SOURCES = {
@@ -84,6 +87,7 @@ class Source(Edge, ABC):
     rectification: Rectification | None = None  # made to images of its size
     delay = 0.0  # seconds by which a live one's frames are old when they arrive
     gives: str | None = None  # "images" or "histograms", where that is known beforehand
+    flight: Flight | None = None  # that is played, if any
     files: tuple[str, ...] = ()  # files and folders that are read: no output may go there
     watch: Callable[[Frame], None] | None = None  # shown each frame before it is localized
 

@@ -37,6 +37,7 @@ class FlightSource(Source):
         Seconds.
     """
 
+    flight: Flight
     rectified = True  # as they were imported
     options = Playback
     addresses = {
