@@ -127,18 +127,6 @@ class _Task(pytask.TaskWithoutPath):
         return _VERSION
 
 
-class _Threads(ThreadPoolExecutor):
-    """Threads that wait for kernels; left early (Ctrl-C), the kernels end first."""
-
-    def __init__(self, size: int, stop: Callable[[], None]) -> None:
-        super().__init__(size)
-        self._stop = stop
-
-    def __exit__(self, *_: object) -> None:
-        self._stop()
-        self.shutdown(wait=True, cancel_futures=True)
-
-
 def build(
     steps: Sequence[Step], root: Path, jobs: int, stop: Callable[[], None], display: Display
 ) -> dict[str, Outcome]:
@@ -226,9 +214,17 @@ def _session(
     """pytask's reports, in the order in which it came to them."""
     config = root / "pyproject.toml"
     config.write_text("[tool.pytask.ini_options]\n", encoding="utf-8")
+
+    class Threads(ThreadPoolExecutor):
+        """Threads that wait for kernels; left early (Ctrl-C), the kernels end first."""
+
+        def __exit__(self, *_: object) -> None:
+            stop()
+            self.shutdown(wait=True, cancel_futures=True)
+
     registry.register_parallel_backend(
         ParallelBackend.CUSTOM,
-        lambda n_workers: _Threads(n_workers, stop),
+        lambda n_workers: Threads(n_workers),
         worker_type=WorkerType.THREADS,
         remote=False,
     )
