@@ -133,7 +133,8 @@ class Page:
         caption, name : str
             See `frame`.
         """
-        columns = {"error_cm": "Error", "std_cm": "STD"}
+        keys = {"error_cm": "Error", "std_cm": "STD"}
+        columns = {f"{keys[key]} in {axis}": (key, axis) for key in keys for axis in "xy"}
         printed = published().get(self.record.experiment, {})
         found: dict[str, Any] = {
             label: look_up(self.record.values, path) or {} for label, path in rows.items()
@@ -143,19 +144,12 @@ class Page:
         unit, scale = ("m", 0.01) if metres else ("cm", 1.0)
         table = []
         if "error_cm" in printed:
-            cells = {
-                f"{title} in {axis}": f"{printed[key][axis]}"
-                for key, title in columns.items()
-                for axis in "xy"
-            }
+            cells = {name: f"{printed[key][axis]}" for name, (key, axis) in columns.items()}
             table.append({unit: "Paper", **cells})
+        places = {name: "_".join(each) for name, each in columns.items()}
+        places["Euclidean median"] = "median_cm"
         for label, summary in found.items():
-            cells = {
-                f"{title} in {axis}": _interval(summary.get(f"{key}_{axis}"), scale)
-                for key, title in columns.items()
-                for axis in "xy"
-            }
-            cells["Euclidean median"] = _interval(summary.get("median_cm"), scale)
+            cells = {name: _interval(summary.get(key), scale) for name, key in places.items()}
             table.append({unit: label, **cells})
         return self.frame(pd.DataFrame(table).fillna(""), caption, name)
 
