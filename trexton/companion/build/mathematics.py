@@ -7,8 +7,7 @@ from docutils import nodes  # type: ignore[import-untyped]
 from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 
-# What the converter does not know, said in words that it knows.
-_IN_OTHER_WORDS = ((r"\arg\max", r"\operatorname{argmax}"), (r"\arg\min", r"\operatorname{argmin}"))
+_ARG = re.compile(r"\\arg\\(max|min)")  # which the converter does not know
 
 
 def mathml(tex: str, display: str = "inline") -> str:
@@ -16,8 +15,7 @@ def mathml(tex: str, display: str = "inline") -> str:
 
     Raises `ValueError` where something of it was not understood, and would stand there as TeX.
     """
-    for macro, words in _IN_OTHER_WORDS:
-        tex = tex.replace(macro, words)
+    tex = _ARG.sub(r"\\operatorname{arg\1}", tex)
     element = str(convert(tex.strip(), display=display))
     # MathML Core has no named widths, and no negative ones.
     element = re.sub(r'<mspace width="negative\w+" ?/>', "", element)

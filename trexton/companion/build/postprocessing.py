@@ -87,10 +87,10 @@ def _figures(article: Tag, path: Path) -> None:
         if "hero" in image.get_attribute_list("class"):
             outer = image.find_parent("a", class_="image-reference") or image
             scrolled = {"class": "hero", "tabindex": "0", "role": "group", "aria-label": alt}
-            outer.wrap(_new("div", scrolled))
+            outer.wrap(Tag(name="div", attrs=scrolled))
         elif figure is None:
-            figure = image.wrap(_new("figure"))
-            caption = _new("figcaption")
+            figure = image.wrap(Tag(name="figure"))
+            caption = Tag(name="figcaption")
             caption.append(alt + ("" if alt.endswith(".") else "."))
             figure.append(caption)
         if figure is not None:
@@ -138,7 +138,8 @@ def _tables(article: Tag) -> None:
             _label_cells(table)
         area = table.find_parent(class_="pst-scrollable-table-container")
         if area is None:
-            area = table.wrap(_new("div", {"class": "pst-scrollable-table-container"}))
+            scrolled = {"class": "pst-scrollable-table-container"}
+            area = table.wrap(Tag(name="div", attrs=scrolled))
         name = table.caption or table.find_previous(["h1", "h2", "h3"])
         label = name.get_text().strip("#\n ") if name else "Table"
         area.attrs.update({"tabindex": "0", "role": "region", "aria-label": label})
@@ -152,7 +153,3 @@ def _label_cells(table: Tag) -> None:
             cell["data-label"] = cell.get("data-label") or head
             if not cell.get_text().strip():
                 cell["class"] = "nothing"
-
-
-def _new(name: str, attributes: dict[str, str] | None = None) -> Tag:
-    return BeautifulSoup("", "lxml").new_tag(name, attrs=attributes or {})
