@@ -71,14 +71,11 @@ class Contents:
         return yaml.safe_load(file.read_text(encoding="utf-8"))
 
     @property
-    def _notebooks(self) -> list[str]:
-        chapters = [chapter for part in self._declared["parts"] for chapter in part["chapters"]]
-        return [name for chapter in chapters for name in chapter.get("notebooks", ())]
-
-    @property
     def named(self) -> list[str]:
         """The experiments that the table of contents names and that there are."""
-        return [name for name in self._notebooks if name in set(EXPERIMENTS)]
+        chapters = [chapter for part in self._declared["parts"] for chapter in part["chapters"]]
+        names = [name for chapter in chapters for name in chapter.get("notebooks", ())]
+        return [name for name in names if name in set(EXPERIMENTS)]
 
     @cached_property
     def toc(self) -> dict[str, Any]:
@@ -92,7 +89,7 @@ class Contents:
         DataError
             A page of prose does not exist.
         """
-        named, parts = self._notebooks, []
+        named, parts = self.named, []
         others = [
             {"file": each, "notebooks": [each]} for each in self.executed if each not in named
         ]
