@@ -129,7 +129,7 @@ def record_replay(
                 "spread_cm": _cm(estimate.spread),
                 "estimates_cm": {name: _cm(place) for name, place in estimates.items()},
                 "errors_cm": {name: _error_cm(place - truth) for name, place in estimates.items()},
-                "image": _uri(_small(bgr_from_yuv(frame), _WIDTH)) if flight.has_images else None,
+                "image": _uri(bgr_from_yuv(frame), _WIDTH) if flight.has_images else None,
                 "patches": _patches(localizer, frame, before) if counted else None,
             }
         )
@@ -178,16 +178,14 @@ def _floor(floor: MapImage) -> dict[str, Any]:
         shown[..., 3] = 255 * (floor.mask > 0)
     picture = cv2.warpPerspective(shown, place @ floor.world_from_pixel, size)
     extent = [round(float(each), 3) for each in (left, right, bottom, top)]
-    return {"image": _uri(_small(picture, _FLOOR_WIDTH)), "extent_m": extent}
+    return {"image": _uri(picture, _FLOOR_WIDTH), "extent_m": extent}
 
 
-def _small(picture: np.ndarray, width: int) -> np.ndarray:
+def _uri(picture: np.ndarray, width: int) -> str:
+    """A copy of the picture, so many pixels wide, as a data URI."""
     height = max(1, round(picture.shape[0] * width / picture.shape[1]))
-    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA))
-
-
-def _uri(picture: np.ndarray) -> str:
-    coded = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1]
+    small = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+    coded = cv2.imencode(".webp", small, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1]
     return "data:image/webp;base64," + base64.b64encode(coded.tobytes()).decode()
 
 
