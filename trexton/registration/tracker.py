@@ -125,7 +125,7 @@ class FloorTracker:
         if going is not None and self._doubted:
             place = self.coarse.ground.to_cells(self.aligner.center(going))
             self.belief.expect(place, _NEAR, going[5])
-        self._weigh(seen, None if self._missed or self._doubted else self.belief.support(_MARGIN))
+        self._weigh(seen, None if self._searches else self.belief.support(_MARGIN))
         fix, best = self._settle(seen, moved, going)
         if fix.score < self.trust.least and self._missed == 0:
             # Where the last frame seemed to be is no witness of the heading, if that was in doubt.
@@ -152,6 +152,10 @@ class FloorTracker:
     @property
     def _doubted(self) -> bool:  # the place may then be one that nothing is believed of
         return self._last is None or self._last.lost
+
+    @property
+    def _searches(self) -> bool:
+        return self._doubted or self._missed > 0
 
     def _predict(self, seen: Seen) -> Array:
         """Move the belief; returns the ``(2,)`` cells (column, row) that the last pose moved by."""
@@ -187,7 +191,7 @@ class FloorTracker:
         """Align the frame at the most likely places, and where the last pose moved to."""
         starts, continued = [], -1
         # As long as it is lost, a place is worth a look however little is believed of it.
-        share = 0.0 if self._missed or self._doubted else _SHARE
+        share = 0.0 if self._searches else _SHARE
         for heading, row, column, held in self.belief.modes(_PLACES, _MODE, share):
             starts.append((np.array([column, row]), self.belief.headings[heading], held))
         if self._pose is not None:
@@ -261,8 +265,8 @@ class FloorTracker:
         self._view.aimed = self.aligner.center(self._pose)
         drift = _DRIFT * seen.prior.steps * self.coarse.ground.cell
         wider = last.covariance + drift**2 * np.eye(2)
-        fix = replace(fix, pose=self._pose, covariance=wider)
-        return replace(fix, lost=last.lost or seen.sure < _CERTAIN)
+        lost = last.lost or seen.sure < _CERTAIN
+        return replace(fix, pose=self._pose, covariance=wider, lost=lost)
 
     def _remember(self, fix: FloorFix, going: Array | None) -> FloorFix:
         """The floor was recognized at `fix`; while that is in doubt, odometry says better where."""
