@@ -66,7 +66,6 @@ class Record:
 
     Attributes
     ----------
-    experiment, flight : str
     parameters : dict
         Everything that was chosen, seed included.
     values : dict

@@ -29,7 +29,6 @@ class Hypotheses:
     ----------
     motion : LinearMotion
         Of D states.
-    errors : ErrorModel
     limit : int
         How many are kept at most, and as many again that take the velocity to be biased.
     cell : float

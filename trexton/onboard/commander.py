@@ -59,7 +59,6 @@ class Commander:
 
     Parameters
     ----------
-    zone : LandingZone
     landers : list of LandingLink
         Commanded to land, all at once; empty for a dry run.
     report : callable

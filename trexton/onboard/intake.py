@@ -31,11 +31,6 @@ class Grabber:
 
     A live frame that a newer one replaced before it was asked for counts as dropped. A live source
     that fails is closed and opened again after a pause that doubles up to `LONGEST_PAUSE`.
-
-    Parameters
-    ----------
-    source : Source
-    tally : Tally
     """
 
     def __init__(self, source: Source, tally: Tally):

@@ -36,9 +36,6 @@ class Onboard:
 
     Parameters
     ----------
-    localizer : Localizer
-    source : Source
-    sinks : list of Guard
     rate : float, optional
         Frames a second that are localized at most from a live source, and the deadline of each; the
         map's own rate unless given.

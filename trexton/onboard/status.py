@@ -17,16 +17,7 @@ LATENCIES = 65536  # that are kept, the latest ones
 
 
 class Status:
-    """What a pilot wants to know at a glance.
-
-    Parameters
-    ----------
-    tally : Tally
-    sinks : list of Guard
-    commander : Commander or None
-    warnings : sequence of str
-        Said in every line.
-    """
+    """What a pilot wants to know at a glance; warnings are said in every line."""
 
     def __init__(
         self, tally: Tally, sinks: list[Guard], commander: Commander | None = None,

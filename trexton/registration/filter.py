@@ -132,7 +132,6 @@ class RunningRegistration:
 
     Parameters
     ----------
-    tracker : FloorTracker
     area : (x_min, x_max, y_min, y_max)
         Its middle is the estimate as long as nothing was seen.
     period_s : float

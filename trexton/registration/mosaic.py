@@ -63,7 +63,6 @@ class Mosaic:
 
     Attributes
     ----------
-    map : MapImage
     poses : (N, 8) array
         Pose of each frame of the flight, see `trexton.registration.layout`.
     used : (N,) bool array

@@ -160,7 +160,6 @@ class PosePrior:
 
     Attributes
     ----------
-    tilt : TiltError
     uses_heading : bool
         Whether the measured heading and height are used.
     """

@@ -38,11 +38,8 @@ class FloorTracker:
 
     Parameters
     ----------
-    picture : MapImage
-    camera : Camera
     height : float
         Usual height of the camera in metres; cells and resolutions follow from it.
-    trust : Trust
     attitude_sigma, height_sigma : float
         Standard deviations of the attitude (radians) and the height (metres) that `step` is given.
     alone : bool

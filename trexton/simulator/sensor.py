@@ -75,7 +75,6 @@ class Sensor:
 
     Parameters
     ----------
-    camera : Camera
     effects : Effects
         Vignetting, noise, chroma subsampling and JPEG are the sensor's.
     rng : numpy.random.Generator

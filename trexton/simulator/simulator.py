@@ -27,9 +27,6 @@ class Simulator:
     ----------
     floor : Floor or None
         None is the painted hall.
-    camera : Camera
-    effects : Effects
-    light : Light
     start : (2,) array or None
         First position in metres; the floor's middle unless given.
     height, speed : float

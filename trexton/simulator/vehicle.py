@@ -38,7 +38,6 @@ class VehicleState:
         Metres, metres a second; z is the camera's height above the floor.
     attitude, rates : (3,) arrays
         Roll, pitch, yaw in radians and their derivatives.
-    landed : bool
     """
 
     time: float

@@ -32,7 +32,6 @@ def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, cells: int
     Parameters
     ----------
     image : (H, W, 3) uint8 array
-    dictionary : TextonDictionary
     cells : int
         Cut the image into cells x cells parts and count in each: a spatial histogram (Lazebnik,
         Schmid & Ponce, "Beyond bags of features", 2006). The frequencies of all parts sum to one.
@@ -67,10 +66,8 @@ def sampled_histogram(
     ----------
     image : (H, W, 3) uint8 array
         Not copied if contiguous.
-    dictionary : TextonDictionary
     n : int
         Number of samples; the error falls as 1 / sqrt(n).
-    rng : numpy.random.Generator
     cells : int
         See `texton_histogram`.
 

@@ -168,7 +168,6 @@ class TextonDictionary:
             images.
         n_textons, patch : int
             K and P; P is that of the patches where patches are given.
-        rng : numpy.random.Generator
         method : {"kohonen", "winner-take-all"}
             A Kohonen network, or as in the authors' flight code.
 

@@ -41,7 +41,6 @@ class Listener:
     ----------
     named : (int or None, int or None)
         System and component of our autopilot; None for the only one that is heard.
-    local : LocalFrame
     component : int
         Our own number: answers to another's commands are none to us.
     heard : dict, optional

@@ -71,12 +71,10 @@ class Report:
     ----------
     time : float
         Seconds of the steady clock.
-    position : (2,) array
+    position, covariance : (2,) and (2, 2) arrays
         Metres, in the map's axes.
-    covariance : (2, 2) array
     attitude : (roll, pitch, yaw) or None
         The autopilot's own, in radians.
-    resets : int
     yaw, yaw_sigma : float
         Our own yaw, radians from north, and its standard deviation; NaN where it is not sent.
     """
@@ -108,7 +106,6 @@ class Profile:
 
     Attributes
     ----------
-    local : LocalFrame
     area : (x_min, x_max, y_min, y_max)
     origin : (latitude, longitude, altitude) or None
     target : (2,) array or None

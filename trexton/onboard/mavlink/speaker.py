@@ -35,7 +35,6 @@ class Speaker:
 
     Parameters
     ----------
-    profile : Profile
     motion_rate : (2, 2) array
         Covariance that the motion model adds in a second, square metres.
     listener : Listener

@@ -61,7 +61,6 @@ class Surroundings:
         The map's area in metres.
     motion_rate : (2, 2) array
         Covariance that the motion model adds in a second, square metres.
-    tally : Tally
     aiding : {"tilt", "all", "none"}
         What of the other side's knowledge is used.
     heard : dict
@@ -139,13 +138,6 @@ class Guard:
     """A sink that may fail: counted, closed, and opened again after a pause that doubles up to
     `LONGEST_PAUSE`.
 
-    Parameters
-    ----------
-    sink : Sink
-    tally : Tally
-    clock : callable
-        Seconds.
-
     Attributes
     ----------
     left_out : int
@@ -207,7 +199,6 @@ def open_sink(
     ----------
     address : str
         ``KIND``, ``KIND:REST``, or ``module:Class:REST`` of a sink of one's own.
-    around : Surroundings
     options : mapping, optional
         An object for each class of options that differs from its defaults.
 

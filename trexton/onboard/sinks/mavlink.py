@@ -28,18 +28,7 @@ FUSED = {True: "has a position", False: "HAS NO POSITION", None: "does not say i
 
 
 class MavlinkSink(Sink):
-    """A link and the conversation over it.
-
-    Parameters
-    ----------
-    address : str
-    link : Link
-    speaker : Speaker
-    tally : Tally
-    options : MavlinkOptions
-    clock : callable
-        Seconds, the clock that stamps live frames.
-    """
+    """A link and the conversation over it, by the clock that stamps live frames."""
 
     addresses = {
         "udpout:HOST:PORT": "MAVLink to one address",
