@@ -264,22 +264,24 @@ def _blend(
 
     def place(
         job: tuple[Any, np.ndarray, np.ndarray],
-    ) -> tuple[tuple[int, int], tuple[int, int], np.ndarray, np.ndarray]:
+    ) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
         row, matrix, outline = job
-        corner, size = _window(transform_points(map_from_world, outline), (columns, lines))
-        shift = np.array([[1, 0, -corner[0]], [0, 1, -corner[1]], [0, 0, 1]])
+        around = transform_points(map_from_world, outline)
+        low = np.maximum(np.floor(around.min(axis=0)).astype(int), 0)
+        high = np.minimum(np.ceil(around.max(axis=0)).astype(int) + 1, (columns, lines))
+        size = (high - low).tolist()
+        shift = np.array([[1, 0, -low[0]], [0, 1, -low[1]], [0, 0, 1]])
         local, image = shift @ map_from_world @ matrix, flight.image(row)
         edges = cv2.Laplacian(image[..., 0], cv2.CV_16S, ksize=1)  # small where motion blurs
         sharp = feather * np.float32(np.square(edges, dtype=np.float32).mean() + 1e-3)
         weight = cv2.warpPerspective(sharp, local, size, flags=cv2.INTER_LINEAR)
-        return corner, size, cv2.warpPerspective(image, local, size, flags=cv2.INTER_LINEAR), weight
+        seen = cv2.warpPerspective(image, local, size, flags=cv2.INTER_LINEAR)
+        return (slice(low[1], high[1]), slice(low[0], high[0])), seen, weight
 
     total = np.zeros((lines, columns, 3), np.float32)
     weights = np.zeros((lines, columns), np.float32)
     placed = ahead(place, zip(rows, matrices, outlines, strict=True))
-    for corner, size, image, weight in progress(placed, "blending", len(rows)):
-        down, across = (slice(corner[i], corner[i] + size[i]) for i in (1, 0))
-        window = down, across
+    for window, image, weight in progress(placed, "blending", len(rows)):
         total[window] += image * weight[..., None]
         weights[window] += weight
     mask = weights > 0
@@ -287,12 +289,3 @@ def _blend(
     picture = bgr_from_yuv(np.clip(np.rint(total), 0, 255).astype(np.uint8))
     picture[~mask] = 0
     return MapImage(picture, empty.world_from_pixel, mask)
-
-
-def _window(
-    outline: np.ndarray, limits: tuple[int, int]
-) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Corner and size, in whole pixels within `limits`, of the box around an outline."""
-    low = np.clip(np.floor(outline.min(axis=0)).astype(int), 0, None)
-    high = np.minimum(np.ceil(outline.max(axis=0)).astype(int) + 1, limits)
-    return (int(low[0]), int(low[1])), (int(high[0] - low[0]), int(high[1] - low[1]))
