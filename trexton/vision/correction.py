@@ -34,20 +34,16 @@ def affine(shape: tuple[int, ...], state: np.ndarray) -> np.ndarray:
     return np.column_stack([turn, middle - turn @ middle])
 
 
-def _recolored(pixels: np.ndarray, state: np.ndarray) -> np.ndarray:
-    """``(..., 3) uint8`` pixels without the light of a state."""
-    if not state[:HEADING].any():
+def _recolored(pixels: np.ndarray, state: np.ndarray, level: float = 0.0) -> np.ndarray:
+    """``(..., 3) uint8`` pixels without the light of a state, in a tile that much brighter."""
+    light = state[:HEADING] + [level, 0, 0]
+    if not light.any():
         return pixels
     # Takes the light's gains out of Y, U - 128, V - 128.
-    matrix = ((_YUV * np.exp(-GAINS @ state[:3])) @ _BGR).astype(np.float32)
+    matrix = ((_YUV * np.exp(-GAINS @ light)) @ _BGR).astype(np.float32)
     offset = CHROMA_OFFSET - matrix @ CHROMA_OFFSET
     flat = cv2.transform(pixels.reshape(-1, 1, 3), np.column_stack([matrix, offset]))
     return flat.reshape(pixels.shape)
-
-
-def _of_tile(state: np.ndarray, level: float) -> np.ndarray:
-    """The state of a tile that is so much brighter."""
-    return state + np.r_[level, np.zeros(STATES - 1)]
 
 
 def corrected_patches(
@@ -74,7 +70,7 @@ def corrected_patches(
     result = np.empty_like(taken)
     for tile, level in enumerate(levels):
         own = row * side + column == tile
-        result[own] = _recolored(taken[own], _of_tile(state, level))
+        result[own] = _recolored(taken[own], state, level)
     return result
 
 
@@ -89,7 +85,7 @@ def corrected_frame(frame: np.ndarray, state: np.ndarray, levels: np.ndarray) ->
         return _recolored(frame, state)
     side = isqrt(len(levels))
     rows = [
-        np.hstack([_recolored(np.ascontiguousarray(part), _of_tile(state, level))
+        np.hstack([_recolored(np.ascontiguousarray(part), state, level)
                    for part, level in zip(np.array_split(band, side, axis=1), own, strict=True)])
         for band, own in zip(np.array_split(frame, side), levels.reshape(side, side), strict=True)
     ]  # fmt: skip
