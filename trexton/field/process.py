@@ -131,16 +131,15 @@ def merge_places(
     while True:
         x, y = np.floor((places - low) / side).astype(np.int64).T
         cells = x * (largest + 1) + y
-        counts = np.bincount(cells).astype(float)
-        if np.count_nonzero(counts) <= largest:
+        order = np.argsort(cells, kind="stable")
+        _, starts, counts = np.unique(cells[order], return_index=True, return_counts=True)
+        if len(starts) <= largest:
             break
         side *= 1.2
-    counts = counts[counts > 0]
-    order = np.argsort(cells, kind="stable")
-    starts = np.concatenate([[0], np.cumsum(counts[:-1])]).astype(np.int64)
-    mean_places = np.add.reduceat(places[order], starts) / counts[:, None]
-    mean_features = np.add.reduceat(features[order], starts) / counts[:, None]
-    return mean_places, mean_features, counts
+    places, features = (
+        np.add.reduceat(each[order], starts) / counts[:, None] for each in (places, features)
+    )
+    return places, features, counts.astype(float)
 
 
 class Process:
