@@ -17,6 +17,7 @@ import ast
 import math
 import operator
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass
 from types import NoneType
 from typing import Any, ClassVar, Self, SupportsIndex, TypeVar, get_args, get_type_hints
@@ -118,15 +119,9 @@ class Option:
         if self.types == (str,):
             return self.check(text)
         value: object = text
-        if text.lower() in _WORDS:
-            value = _WORDS[text.lower()]
-        elif bool in self.types and text.lower() in _ANSWERS:
-            value = _ANSWERS[text.lower()]
-        else:
-            try:
-                value = ast.literal_eval(text)
-            except (ValueError, SyntaxError):
-                pass
+        words = _WORDS | (_ANSWERS if bool in self.types else {})
+        with suppress(ValueError, SyntaxError):
+            value = words[text.lower()] if text.lower() in words else ast.literal_eval(text)
         if str in self.types and type(value) not in self.types:
             value = text  # "2.5,2.5" is a tuple to Python, and text to whom text is enough
         return self.check(value)
