@@ -36,14 +36,12 @@ _PACKAGES = ("trexton", "numpy", "scipy", "numba", "opencv-python-headless", "ma
 
 def plain(value: object) -> object:
     """Arrays and NumPy scalars as JSON values; NaN and infinities become None."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, np.generic):
-        value = value.item()
     if isinstance(value, float) and not np.isfinite(value):
         return None
     if value is None or isinstance(value, (bool, int, float, str)):
@@ -104,11 +102,9 @@ class Record:
             file = f"{self.experiment}-{name}.png"
             write_file(folder / file, data)
             pictures[name] = {"file": file, "sha256": hashlib.sha256(data).hexdigest()}
-        content = {key: getattr(self, key) for key in self.__dataclass_fields__} | {
-            "images": pictures
-        }
-        write_file(folder / f"{self.experiment}.json", canonical_json(content))
-        return folder / f"{self.experiment}.json"
+        path = folder / f"{self.experiment}.json"
+        write_file(path, canonical_json(vars(self) | {"images": pictures}))
+        return path
 
     @classmethod
     def load(cls, path: str | Path) -> Record:
