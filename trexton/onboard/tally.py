@@ -49,7 +49,8 @@ _begun = threading.Lock()  # whoever speaks first takes it, and keeps it
 def say(line: str) -> None:
     """One line for people, unless the command is quiet; never waits, never fails."""
     if not is_quiet():
-        _begin()
+        if _begun.acquire(blocking=False):
+            threading.Thread(target=_write_all, name="voice", daemon=True).start()
         with suppress(queue.Full):
             _lines.put_nowait(shown(line, kept=""))
 
@@ -59,11 +60,6 @@ def flush(patience: float = 0.5) -> None:
     end = time.monotonic() + patience
     while _lines.unfinished_tasks and time.monotonic() < end:
         time.sleep(0.002)
-
-
-def _begin() -> None:
-    if _begun.acquire(blocking=False):
-        threading.Thread(target=_write_all, name="voice", daemon=True).start()
 
 
 def _write_all() -> None:
