@@ -5,19 +5,15 @@ from __future__ import annotations
 import select
 import threading
 import time
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from trexton.base.errors import ParameterError
 from trexton.flights.aiding import Aiding
 from trexton.onboard.fix import Fix
-from trexton.onboard.mavlink.link import Link, make_link
+from trexton.onboard.mavlink.link import make_link
 from trexton.onboard.settings import MavlinkOptions
 from trexton.onboard.sinks import Check, Sink, Surroundings
-from trexton.onboard.tally import Tally
-
-if TYPE_CHECKING:
-    from trexton.onboard.mavlink.speaker import Speaker
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 5.0
 WAIT = 0.005  # seconds that a position may wait for the wire; its stamp does not change
@@ -38,29 +34,10 @@ class MavlinkSink(Sink):
     options = MavlinkOptions
     autopilot = True
 
-    def __init__(
-        self,
-        address: str,
-        link: Link,
-        speaker: Speaker,
-        tally: Tally,
-        options: MavlinkOptions | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ):
-        self.name = address
-        self._link, self.speaker, self._tally, self._clock = link, speaker, tally, clock
-        self._options = options or MavlinkOptions()
-        self._codec = self._new_codec()
-        self._lock, self._stop = threading.Lock(), threading.Event()
-        self._thread: threading.Thread | None = None
-        self.connected = False
-        self._why = ""  # the link failed last, as it was said
-        self._unread = 0  # bytes since the last message
-
-    @classmethod
-    def make(cls, address: str, options: MavlinkOptions, around: Surroundings) -> MavlinkSink:
-        address = f"{around.kind}:{address}"
-        link = make_link(address)
+    def __init__(self, address: str, options: MavlinkOptions, around: Surroundings):
+        self.name, self._options = address, options
+        self._tally, self._clock = around.tally, around.clock
+        self._link = make_link(address)
         from trexton.onboard.mavlink.listener import Listener
         from trexton.onboard.mavlink.messages import PROFILES
         from trexton.onboard.mavlink.speaker import Speaker
@@ -70,11 +47,20 @@ class MavlinkSink(Sink):
         target = around.target if options.landing_target else None
         profile = PROFILES[options.autopilot](around.local, around.area, options.place, target)
         listener = Listener(options.addressee, around.local, options.component_id, around.heard)
-        speaker = Speaker(
+        self.speaker = Speaker(
             profile, around.motion_rate, listener, options.place,
             aiding=around.aiding, send_yaw=options.send_yaw,
         )  # fmt: skip
-        return cls(address, link, speaker, around.tally, options, around.clock)
+        self._codec = self._new_codec()
+        self._lock, self._stop = threading.Lock(), threading.Event()
+        self._thread: threading.Thread | None = None
+        self.connected = False
+        self._why = ""  # the link failed last, as it was said
+        self._unread = 0  # bytes since the last message
+
+    @classmethod
+    def make(cls, address: str, options: MavlinkOptions, around: Surroundings) -> MavlinkSink:
+        return cls(f"{around.kind}:{address}", options, around)
 
     def checks(self, now: float) -> Iterator[Check]:
         listener, options = self.speaker.listener, self._options
