@@ -171,8 +171,6 @@ class FloorTracker:
 
     def _weigh(self, seen: Seen, window: Window | None = None) -> None:
         """Multiply the belief by how well the frame fits inside a window, or anywhere."""
-        rows, columns = self.belief.allowed.shape
-        window = window or (slice(0, rows), slice(0, columns))
         fits = []
         for heading in self.belief.headings:
             pose = np.array([*seen.prior.mean[:5], heading])
@@ -181,7 +179,7 @@ class FloorTracker:
                 finer = cv2.resize(correlation, None, fx=3, fy=3, interpolation=cv2.INTER_LANCZOS4)
                 correlation = cv2.dilate(finer, _BESIDE)[1::3, 1::3]
             fits.append(self.trust.gain(correlation, self.trust.coarse * overlap))
-        self.belief.weigh(np.array(fits), window)
+        self.belief.weigh(np.array(fits), window or (slice(None), slice(None)))
         self.belief.drop_headings()
 
     def _candidates(self, seen: Seen, moved: Array) -> list[Candidate]:
