@@ -20,9 +20,8 @@ class Status:
     """What a pilot wants to know at a glance; warnings are said in every line."""
 
     def __init__(
-        self, tally: Tally, sinks: list[Guard], commander: Commander | None = None,
-        warnings: Sequence[str] = (),
-    ):  # fmt: skip
+        self, tally: Tally, sinks: list[Guard], commander: Commander | None, warnings: Sequence[str]
+    ):
         self._tally, self._sinks = tally, sinks
         self.commander, self.warnings = commander, warnings
         self.latencies: deque[float] = deque(maxlen=LATENCIES)  # seconds, one a frame
