@@ -55,11 +55,8 @@ def option(
     choices : sequence of str
         The words allowed, where not every text is.
     """
-    metadata = {
-        "meaning": meaning, "low": low, "high": high, "above": above,
-        "choices": tuple(choices),
-    }  # fmt: skip
-    return field(default=default, metadata=metadata)
+    limits = {"low": low, "high": high, "above": above, "choices": tuple(choices)}
+    return field(default=default, metadata={"meaning": meaning, **limits})
 
 
 def whole(value: object, what: str, low: int = 1, high: int | None = None) -> int:
