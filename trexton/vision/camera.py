@@ -263,14 +263,9 @@ class Rectification:
 
     def table(self) -> dict[str, Any]:
         """As ``flight.toml`` and maps keep it."""
-        return {
-            "source_px": list(self.source),
-            "crop_px": list(self.crop),
-            "size_px": list(self.size),
-            "focal_px": float(self.focal),
-            "center_px": [float(value) for value in self.center],
-            "distortion": [float(value) for value in self.distortion],
-        }
+        pixels = map(list, (self.source, self.crop, self.size))
+        lens = float(self.focal), *([*map(float, each)] for each in (self.center, self.distortion))
+        return dict(zip(_KEYS, (*pixels, *lens), strict=True))
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> Self:
