@@ -31,12 +31,8 @@ def repository_root() -> Path | None:
 
 
 def shipped(name: str) -> Path:
-    """A folder of the repository that also travels with an installed package: ``notebooks``, ...
-
-    Raises
-    ------
-    DataError
-        It is in neither place.
+    """A folder of the repository that also travels with an installed package: ``notebooks``, ...;
+    raises `DataError` where it is in neither place.
     """
     root = repository_root()
     place = (root or _PACKAGE / "_shipped") / name

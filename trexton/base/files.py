@@ -236,12 +236,8 @@ def read_bytes(path: Path, most: int, what: str, error: type[TrextonError]) -> b
 
 
 def read_text(path: Path) -> str:
-    """The text of a regular file in UTF-8, or in UTF-16 as its byte-order mark says, without it.
-
-    Raises
-    ------
-    FlightError
-        There is no such file, it is a device or a pipe, too large, or no text.
+    """The text of a regular file in UTF-8, or in UTF-16 as its byte-order mark says, without it;
+    raises `FlightError` where there is none, or it is a device or a pipe, too large, or no text.
     """
     data = read_bytes(path, LARGEST, "a text file", FlightError)
     try:

@@ -108,12 +108,8 @@ class Record:
 
     @classmethod
     def load(cls, path: str | Path) -> Record:
-        """Read a record and its pictures.
-
-        Raises
-        ------
-        TrextonError
-            The file is missing, damaged or of another schema.
+        """Read a record and its pictures; raises `TrextonError` where the file is missing, damaged
+        or of another schema.
         """
         import cv2
 

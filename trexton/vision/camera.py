@@ -269,13 +269,7 @@ class Rectification:
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> Self:
-        """What `table` gave.
-
-        Raises
-        ------
-        ParameterError
-            Something is missing, or cannot be.
-        """
+        """What `table` gave; raises `ParameterError` where something is missing, or cannot be."""
         try:
             if set(table) != set(_KEYS):
                 raise ValueError("other names")

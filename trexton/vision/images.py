@@ -53,13 +53,8 @@ def bgr_from_yuv(image: np.ndarray) -> np.ndarray:
 
 
 def checked_bytes(path: Path) -> bytes:
-    """The bytes of an image file that is neither a device nor larger than a camera's picture can
-    be.
-
-    Raises
-    ------
-    ImageError
-        The file is missing, no regular file, or declares more than `MOST_PIXELS`.
+    """The bytes of an image file; raises `ImageError` where it is missing, no regular file, or
+    larger than a camera's picture can be: it declares more than `MOST_PIXELS`.
     """
     from trexton.base.files import read_bytes
 
@@ -87,11 +82,7 @@ def check_capture(capture: Any, source: object) -> None:
 def read_picture(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | None] | None:
     """``(H, W, 3) uint8`` BGR of a picture file, turned as its EXIF says, and ``(H, W)`` bool where
     it is not transparent, None where it has no alpha channel; None where it cannot be decoded.
-
-    Raises
-    ------
-    ImageError
-        It is damaged, or see `checked_bytes`.
+    Raises `ImageError` where it is damaged, and as `checked_bytes` does.
     """
     data = checked_bytes(Path(path))
     if found := damage(data):
@@ -107,12 +98,8 @@ def read_picture(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray |
 
 
 def read_image(path: str | os.PathLike[str]) -> np.ndarray:
-    """Read an image file as ``(H, W, 3) uint8`` Y, U, V.
-
-    Raises
-    ------
-    ImageError
-        The file is missing, is no image, is damaged, or holds several.
+    """Read an image file as ``(H, W, 3) uint8`` Y, U, V; raises `ImageError` where it is missing,
+    is no image, is damaged, or holds several.
     """
     path = Path(path)
     data = checked_bytes(path)
@@ -134,12 +121,8 @@ def size_of(file: Path) -> tuple[int, int]:
 
 
 def decode_image(data: bytes) -> np.ndarray:
-    """``(H, W, 3) uint8`` Y, U, V of the bytes of an image file.
-
-    Raises
-    ------
-    ImageError
-        They are no image, are damaged, or hold several.
+    """``(H, W, 3) uint8`` Y, U, V of the bytes of an image file; raises `ImageError` where they are
+    no image, are damaged, or hold several.
     """
     fault = damage(data)
     image = None if fault else decode(data)
@@ -158,12 +141,8 @@ def natural_order(path: Path) -> list[tuple[int, str]]:
 
 
 def position_grid(shape: tuple[int, ...], patch: int) -> tuple[int, int]:
-    """How many rows and columns of positions an image of `shape` has: (H - P + 1, W - P + 1).
-
-    Raises
-    ------
-    ImageError
-        The image is smaller than a patch.
+    """How many rows and columns of positions an image of `shape` has: (H - P + 1, W - P + 1);
+    raises `ImageError` where it is smaller than a patch.
     """
     rows, columns = shape[0] - patch + 1, shape[1] - patch + 1
     if rows < 1 or columns < 1:
