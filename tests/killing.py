@@ -66,7 +66,9 @@ CASES = {
         ("import", "csv", "table.csv", "--out", "out", "--replace"),
         (("--split", "0.5"), ("--split", "0.4")),
     ),
-    "export": Case(("export", "room", "tum", "--out", "track.tum"), ((), ()), "track.tum"),
+    "export": Case(
+        ("export", "room", "tum", "--out", "track.tum", "--replace"), ((), ()), "track.tum"
+    ),
     "run": Case((*RUN, "--no-book", *SMALL), NEIGHBORS),
     "sweep": Case(("sweep", "--out", "out"), PLANS, gathers="out/cells/"),
     "suitability": Case(

@@ -91,7 +91,8 @@ def test_a_flight_beside_the_map_or_of_another_camera_does_not_renew_it(tmp_path
     with pytest.raises(FlightError, match="images of 24x18 pixels where images of 48x36"):
         renewed(texton_map, small, rng=rng)
     with pytest.raises(FlightError, match="images of 24x18 pixels where images of 48x36"):
-        load_pair(write_flight(pictured, tmp_path / "A"), write_flight(small, tmp_path / "B"))
+        later = replace(small, position=small.position + 0.1)
+        load_pair(write_flight(pictured, tmp_path / "A"), write_flight(later, tmp_path / "B"))
 
 
 def test_every_renewal_is_recorded():

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.base.files import atomic_file, check_not_read
+from trexton.base.files import atomic_file, check_not_read, check_writable
 from trexton.base.progress import say
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
@@ -22,6 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     path = Path(arguments.out)
     check_not_read(path, arguments.flight)
+    check_writable(path)
     if path.exists() and not arguments.replace:
         raise ParameterError(f"{path}: is there already: say --replace, or give another name")
     flight = read_flight(arguments.flight)

@@ -140,8 +140,8 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
     Raises
     ------
     FlightError
-        A folder is no flight, fewer than three frames of the test have a position, or most are
-        frames of the training.
+        A folder is no flight, fewer than three frames of the test have a position, most are frames
+        of the training, or images or features are of another kind.
     """
     first = read_flight(flight)
     if test_flight is None:
@@ -150,7 +150,6 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
     else:
         train = first.part_or_all("train")
         test = read_flight(test_flight).part_or_all("test")
-        check_alike(test, train)
         # The same places may be visited again, where other values are sensed.
         parts = ((each.position, each.histograms) for each in (train, test))
         rows = (np.hstack([part for part in each if part is not None]) for each in parts)
@@ -164,6 +163,8 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
         raise FlightError(f"{found}: a test needs at least 3")
     if type(test.frames) is ImageFiles:
         test = replace(test, frames=_Held(test.frames.files))
+    if train.has_images == test.has_images:
+        check_alike(test, train)
     return train, test
 
 
