@@ -10,9 +10,11 @@ import pytest
 from small_room import histogram_flight, picture_flight
 
 from trexton.base.errors import FlightError, MapError, ParameterError
+from trexton.cli.main import main
 from trexton.companion.build.flight_pairs import load_pair
 from trexton.flights.writing import write_flight
 from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import save_map
 from trexton.localization.renewal import renewed
 from trexton.localization.training import train_map
 from trexton.vision.camera import Rectification
@@ -72,7 +74,7 @@ def test_what_renews_nothing_is_refused():
         renewed(replace(texton_map, method="fine"), flight, rng=rng)
 
 
-def test_a_flight_beside_the_map_or_of_another_camera_does_not_renew_it(tmp_path):
+def test_a_flight_beside_the_map_or_of_another_camera_does_not_renew_it(tmp_path, capsys):
     rng = np.random.default_rng(0)
     flight = histogram_flight("old", frames=120)
     texton_map = train_map(flight, rng=rng)
@@ -85,6 +87,13 @@ def test_a_flight_beside_the_map_or_of_another_camera_does_not_renew_it(tmp_path
     undistorted = replace(pictured, rectification=lens)
     with pytest.raises(FlightError, match="has undistorted images of 48x36 pixels where images"):
         renewed(texton_map, undistorted, rng=rng)
+    part = Rectification((96, 72), (48, 36, 48, 36), (48, 36))
+    with pytest.raises(FlightError, match="shows 50% x 50% of the camera's picture, from 50%, 50%"):
+        renewed(texton_map, replace(pictured, rectification=part), rng=rng)
+    save_map(texton_map, tmp_path / "map.npz")
+    other = write_flight(replace(pictured, rectification=part), tmp_path / "other")
+    assert main(["onboard", str(tmp_path / "map.npz"), "--camera", str(other), "-q"]) == 1
+    assert "not 100% x 100%" in capsys.readouterr().err
     small = picture_flight(tmp_path / "b", "small")
     for file in small.frames.files:
         cv2.imwrite(str(file), cv2.resize(cv2.imread(str(file)), (24, 18)))

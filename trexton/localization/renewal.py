@@ -10,6 +10,7 @@ import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.flights.flight import Flight, area_around
+from trexton.localization.alike import check_view, fingerprints
 from trexton.localization.texton_map import TextonMap, check_alike
 from trexton.localization.training import full_histograms, with_parts
 
@@ -26,11 +27,9 @@ def renewed(
 
     Raises
     ------
-    ParameterError
-        The method keeps pictures of the floor, not histograms; or the map has these frames.
     TrextonError
-        No frame of the flight has a position, most are beside the map, or images or features are
-        others than the map's.
+        The method keeps pictures of the floor, the map has these frames, most lie beside it or
+        nowhere, or their images or features are of another kind.
     """
     if texton_map.method == "fine":
         raise ParameterError("a map of method fine holds pictures: train it again on both flights")
@@ -43,15 +42,18 @@ def renewed(
         found = f"{beside:.0%} of the positions of {flight.name!r} lie beside the map"
         raise MapError(f"{found}: give them from the same origin, or train on both flights")
     check_alike(later, texton_map)
+    check_view(later, texton_map)
     histograms = full_histograms(later, texton_map.dictionary, texton_map.cells)
-    frames = (texton_map.positions, texton_map.histograms), (later.position, histograms)
-    held, came = ({*map(bytes, np.hstack(each).astype("f4"))} for each in frames)
-    if (again := len(held & came)) > len(later) / 20:  # no left-out block would be without them
+    held = fingerprints(texton_map.positions, texton_map.histograms)
+    again = len(held & fingerprints(later.position, histograms))
+    if again > len(later) / 20:  # no left-out block would be without them
         raise ParameterError(f"{again} frames of {flight.name!r} are in the map: give a later one")
     old = ~contradicted(texton_map, histograms, later.position)
     start = texton_map.time[-1] + GAP_S - later.time[0]
     renewals = [*texton_map.provenance.get("renewed", []), [flight.name, flight.data_hash]]
     news = {"renewed": renewals, "assessment": None}  # not judged yet
+    if names := texton_map.feature_names or list(flight.feature_names):
+        news["features"] = names
     result = replace(
         texton_map,
         histograms=np.concatenate([texton_map.histograms[old], histograms]),

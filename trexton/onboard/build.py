@@ -11,6 +11,7 @@ from trexton.base.errors import MapError, ParameterError, TrextonError
 from trexton.base.files import check_not_read
 from trexton.base.streams import stream
 from trexton.evaluation.held_out import LEAST_COVERAGE
+from trexton.localization.alike import check_view
 from trexton.localization.landing import TouchdownZone
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map
@@ -88,6 +89,7 @@ def _source(texton_map: TextonMap, settings: Settings) -> Source:
         raise MapError(f"{camera} gives images, the map holds no textons: train it on images")
     if source.flight is not None:
         check_alike(source.flight, texton_map)
+        check_view(source.flight, texton_map)
     if not source.rectified:
         source.rectification = rectification
     if source.live:
@@ -137,11 +139,7 @@ def _localizer(texton_map: TextonMap, settings: Settings, touchdown: bool) -> Lo
 
 def _overconfidence(texton_map: TextonMap, settings: Settings) -> str:
     """What left-out parts of the training flight say against the map's covariances, if anything.
-
-    Raises
-    ------
-    MapError
-        A landing by it was asked for, and not by the word that it takes.
+    Raises `MapError` where a landing by it was asked for, and not by the word that it takes.
     """
     flying, landing = settings.of(Flying), settings.of(Landing)
     found = texton_map.provenance.get("assessment")

@@ -27,6 +27,7 @@ from trexton.companion.experiments.declaration import NEEDS, Experiment
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
 from trexton.flights.frames import ImageFiles
+from trexton.localization.alike import check_view, fingerprints
 from trexton.localization.texton_map import check_alike
 
 _SHARE = 0.6  # of the positions of a flight without splits is for training
@@ -151,9 +152,7 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
         train = first.part_or_all("train")
         test = read_flight(test_flight).part_or_all("test")
         # The same places may be visited again, where other values are sensed.
-        parts = ((each.position, each.histograms) for each in (train, test))
-        rows = (np.hstack([part for part in each if part is not None]) for each in parts)
-        known, came = ({*map(bytes, each)} for each in rows)
+        known, came = (fingerprints(each.position, each.histograms) for each in (train, test))
         if (shared := len(known & came)) > len(came) / 2:
             found = f"{shared} frames of flight {test.name!r} are those it would be trained on"
             raise FlightError(f"{found}, which proves nothing: give another flight to test on")
@@ -165,6 +164,7 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
         test = replace(test, frames=_Held(test.frames.files))
     if train.has_images == test.has_images:
         check_alike(test, train)
+        check_view(test, train)
     return train, test
 
 
