@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trexton.base.errors import FlightError
+from trexton.base.errors import FlightError, ParameterError
 from trexton.cli.main import main
 from trexton.companion.build.flight_pairs import load_pair
 from trexton.flights.flight import Flight
@@ -114,3 +114,42 @@ def test_names_of_networks_need_no_care(tmp_path):
     again = read_flight(tmp_path / "flight")
     assert len({*again.feature_names}) == 5 and again.feature_names == flight.feature_names
     assert again.data_hash == flight.data_hash
+
+
+def test_names_that_are_cleaned_to_one_are_refused(tmp_path):
+    log = tmp_path / "log.csv"
+    for names in (("AP 1", "AP\t1"), ("frame", "b")):
+        rows = [f"{100 + n / 10},{names[n % 2]},{-50 - n},1,{n}" for n in range(20)]
+        log.write_text("\n".join(["stamp,source,value,x,y", *rows]))
+        with pytest.raises(FlightError, match="two features are called alike, or one 'frame'"):
+            import_flight(log, tmp_path / "flight")
+    source = table(tmp_path / "w.csv")
+    with pytest.raises(FlightError, match="two features are called alike"):
+        import_flight(source, tmp_path / "f", kind="features", settings={"names": "mx,mx"})
+    with pytest.raises(FlightError, match="x tell place or time: no features"):
+        import_flight(source, tmp_path / "f", kind="features", settings={"names": "mx,x"})
+
+
+def test_beacons_called_as_columns_without_names_keep_theirs(tmp_path):
+    log = tmp_path / "log.csv"
+    rows = [f"{100 + n / 10},t{1 + n % 3},{-50 - n},1,{n}" for n in range(21)]
+    log.write_text("\n".join(["stamp,source,value,x,y", *rows]))
+    import_flight(log, tmp_path / "flight")
+    assert read_flight(tmp_path / "flight").feature_names == ("t1", "t2", "t3")
+
+
+def test_a_map_without_names_takes_those_of_a_renewal(trained):
+    texton_map, flight = load_map(trained / "M.npz"), read_flight(trained / "S")
+    old = replace(texton_map, provenance={**texton_map.provenance, "features": []})
+    rng = np.random.default_rng(0)
+    new, _ = renewed(old, replace(flight, position=flight.position + 0.05), rng=rng)
+    assert new.feature_names == list(SENSORS)
+
+
+def test_a_copy_with_rounded_places_is_a_copy(trained):
+    flight, rng = read_flight(trained / "S"), np.random.default_rng(0)
+    rounded = replace(flight, name="again", position=flight.position.round(2))
+    with pytest.raises(ParameterError, match="frames of 'again' are in the map"):
+        renewed(load_map(trained / "M.npz"), rounded, rng=rng)
+    with pytest.raises(FlightError, match="are those it would be trained on"):
+        load_pair(trained / "S", write_flight(rounded, trained / "again"))

@@ -52,7 +52,7 @@ def test_an_import_is_recognised_and_becomes_a_flight(tmp_path):
         ("stamp,source,value\n1,a\n", "row 2: 2 fields where 3"),
         ("stamp,source,value\n", "no rows"),
         ("stamp,source,value\n1,a,nan\n", "no row has a value"),
-        ("stamp,source,value\n1700000000000,a,2\n", "a stamp in seconds"),
+        ("stamp,source,value\n1700000000000,a,2\n", "a stamp in s: give both, or another"),
     ],
 )
 def test_what_is_no_log_is_named(tmp_path, text, said):
@@ -97,3 +97,18 @@ def test_stamps_in_milliseconds_are_no_seconds(tmp_path):
     scans = [f"{10 * n},{source},-60,{n},1" for n in range(9) for source in "abc"]
     log.write_text("\n".join(["stamp,source,value,x,y", *scans]))
     assert len(read(log, Settings()).time_ns) == 9
+
+
+def test_what_is_left_out_or_never_heard_is_said(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text(LOG + "103,b,,1,2\n")
+    recording = read(log, Settings(names=" b , c", bin=0.5))
+    assert recording.names == ("b", "c") and (recording.histograms[0] == [-80, -100]).all()
+    said = "; ".join(recording.said)
+    for words in ("left out: 1", "--names leaves out: a", "never heard, always -100: c"):
+        assert words in said
+    assert "louder than -80: give a lower --floor" in "; ".join(read(log, Settings(floor=-70)).said)
+    with pytest.raises(FlightError, match="6 readings in one frame: give --time-unit or --bin"):
+        read(log, Settings(time_unit="ns"))
+    with pytest.raises(FlightError, match="no row has a value of a source"):
+        read(log, Settings(names="nobody"))

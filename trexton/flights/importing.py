@@ -242,8 +242,12 @@ def _flight(recording: Recording, pose: PoseTrack, done: Rectification | None, n
     located = np.isfinite(place).all(axis=1).any()
     first = int(recording.time_ns[0])
     names = tuple(re.sub(r'[\s;"]+', " ", name).strip() for name in recording.names)
-    counted = all(re.fullmatch(r"t\d+", name) for name in names)  # as a folder without names does
-    named = len({*names, "frame"}) > len(names) and not counted
+    if len({*names, "frame"}) <= len(names):
+        raise FlightError(
+            f"{recording.source}: two features are called alike, or one 'frame', among "
+            f"{', '.join(names)}: rename them, or choose some with --names"
+        )
+    counted = names == tuple(f"t{column}" for column in range(len(names)))  # as without names
     noted = [line for line in recording.said if line.startswith(TAKEN) or SET_BACK in line]
     return Flight(
         name=name,
@@ -255,7 +259,7 @@ def _flight(recording: Recording, pose: PoseTrack, done: Rectification | None, n
         attitude=pose.attitude,
         histograms=recording.histograms,
         features=recording.features,
-        feature_names=names if named else (),
+        feature_names=() if counted else names,
         rectification=done if done and done.changes else None,
         camera=done.camera(recording.camera) if done else recording.camera,
         origin=None if recording.track is None else recording.track.origin,

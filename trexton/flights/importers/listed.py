@@ -183,6 +183,11 @@ class Table:
         return Recording(stamps[pictured], track, files, source=name, said=known + said)
 
 
+def chosen_names(text: str) -> list[str]:
+    """Names that somebody chose, separated by commas."""
+    return [name for each in text.split(",") if (name := each.strip())]
+
+
 class Features:
     """Histograms of any feature: a table of values, a row a frame, and positions beside them."""
 
@@ -212,7 +217,9 @@ class Features:
         track, said = settings.of(table, stamps)
         used = {"frame", settings.x, settings.y, settings.z, time, settings.yaw}
         used |= set(settings.quaternion.split(","))
-        names = settings.names.split(",") if settings.names else []
+        names = chosen_names(settings.names)
+        if poses := used & set(names):
+            raise FlightError(f"{source}: {', '.join(poses)} tell place or time: no features")
         if not names and (others := sorted({*times, *filter(_OTHERS.match, table.header)} - used)):
             words = f"columns {', '.join(others)} are no features by their names, left out"
             known.append(f"{source}: {words}: name them with --time, --z or --yaw")

@@ -61,14 +61,8 @@ class PoseTrack:
     def ordered(self, where: str, lines: Sequence[int] = ()) -> tuple[PoseTrack, list[str]]:
         """The track in order of its stamps, one row a stamp, and what was done for it.
 
-        Of rows with one stamp the first with a place is kept; where they lie apart, none is.
-
-        Parameters
-        ----------
-        where : str
-            The source, for the sentences.
-        lines : sequence of int, optional
-            The number of each row in it; counted from 1 unless given.
+        Of rows with one stamp the first with a place is kept; where they lie apart, none is. The
+        sentences name the source by `where`, and rows by `lines`, from 1 on unless given.
         """
         lines = lines or range(1, len(self.time_ns) + 1)
         moved = np.hypot(*np.diff(self.position[:, :2], axis=0).T)
@@ -129,17 +123,13 @@ class Recording:
 
 
 def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[PoseTrack, float]:
-    """The track at the frames, and the largest gap in seconds that was bridged.
+    """The track at the frames, and the largest gap in seconds that was bridged; raises
+    `FlightError` where the track has no place, or no frame is matched.
 
     Positions are interpolated, angles along the shorter way; NaN where no position is near.
 
     A frame is matched if it lies on a stamp or between two that are at most twice the tolerance
     apart. Rows of the track without a place do not count.
-
-    Raises
-    ------
-    FlightError
-        The track has no place, or no frame is matched.
     """
     track = track.located()
     stamps = track.time_ns

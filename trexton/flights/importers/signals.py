@@ -10,7 +10,7 @@ import numpy as np
 from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
-from trexton.flights.importers.listed import column_names
+from trexton.flights.importers.listed import chosen_names, column_names
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, nanoseconds
 from trexton.flights.tables import TIMES, is_number, read_table
 
@@ -33,11 +33,11 @@ def recognises(source: Path) -> bool:
 
 def read(source: Path, settings: Settings) -> Recording:
     """The recording of one log: a column a source, in the order of their names."""
-    time, names, value, position = _readings(source, settings)
+    time, names, value, position, said = _readings(source, settings)
     start = time.min()
     bins = np.floor((time - start) / settings.bin)
     used, index = np.unique(bins, return_inverse=True)  # a stamp may lie years from the others
-    sources = settings.names.split(",") if settings.names else np.unique(names).tolist()
+    sources = chosen_names(settings.names) or np.unique(names).tolist()
     columns = np.array([sources.index(name) for name in names])
     total, heard = np.zeros((2, len(used), len(sources)))
     np.add.at(total, (index, columns), value)
@@ -52,13 +52,21 @@ def read(source: Path, settings: Settings) -> Recording:
     places = np.array([position[index == n].mean(axis=0).filled(np.nan) for n in range(len(used))])
     stamps = nanoseconds(start + settings.bin * used)
     track = PoseTrack(stamps, places) if np.isfinite(places[:, :2]).any() else None
-    name, said = f"log {source.name}", f"{source}: {len(time)} readings in {len(used)} frames"
-    recording = Recording(stamps, track, source=name, said=[said])
+    if len(used) == 1 < len(time):
+        raise FlightError(f"{source}: {len(time)} readings in one frame: give --time-unit or --bin")
+    said.insert(0, f"{source}: {len(time)} readings in {len(used)} frames")
+    if silent := sorted({*sources} - {*names}):
+        said.append(f"never heard, always {settings.floor:g}: {', '.join(silent)}")
+    if (least := value.min()) < settings.floor:
+        said.append(f"not heard is {settings.floor:g}, louder than {least:g}: give a lower --floor")
+    recording = Recording(stamps, track, source=f"log {source.name}", said=said)
     return replace(recording, histograms=values, features="signals", names=tuple(sources))
 
 
-def _readings(path: Path, settings: Settings) -> tuple[np.ndarray, ...]:
-    """``(R,)`` stamps in seconds, sources and values, ``(R, 3)`` positions or NaN."""
+def _readings(
+    path: Path, settings: Settings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """``(R,)`` stamps in seconds, sources and values, ``(R, 3)`` positions or NaN; what to know."""
     headless = is_number(read_text(path).partition(",")[0])
     table = read_table(path, settings.columns.split(",") if headless else ())
     unknown = np.full(len(table), np.nan)
@@ -66,13 +74,18 @@ def _readings(path: Path, settings: Settings) -> tuple[np.ndarray, ...]:
     time = table.numbers("stamp") * (TIMES[settings.time_unit] / NANO)
     names, value = np.array(table.texts("source")), table.numbers("value")
     good = (np.abs(time) < 9e9) & np.isfinite(value)  # later ones are in another unit
-    good &= not settings.names or np.isin(names, settings.names.split(","))
+    said = [f"rows without a value or a stamp, left out: {(~good).sum()}"] * (not good.all())
+    chosen = chosen_names(settings.names)
+    if others := sorted({*names[good]} - {*chosen}) if chosen else []:
+        said.append(f"sources that --names leaves out: {', '.join(others)}")
+        good &= np.isin(names, chosen)
     if not good.any():
-        raise FlightError(f"{path}: no row has a value of a source, and a stamp in seconds")
+        found = f"{path}: no row has a value of a source, and a stamp in {settings.time_unit}"
+        raise FlightError(f"{found}: give both, or another --time-unit")
     stamps = np.unique(time[good])
     gap = np.median(np.diff(stamps, prepend=stamps[0]))
     if gap > settings.keep and 2 * len(stamps) > good.sum():  # frames would hold one value each
         found = f"{path}: readings come {gap:.3g} s apart, longer than values hold"
         raise FlightError(f"{found}: give --time-unit, such as ms, or a longer --keep")
     position = np.ma.masked_invalid(np.column_stack(places)[good])
-    return time[good], names[good], value[good], position
+    return time[good], names[good], value[good], position, said

@@ -135,18 +135,11 @@ def pose_track(
 
 
 def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]:
-    """The track in a file of any format that is known, and what to know of it.
+    """The track in a file of any format that is known, and what to know of it; raises `FlightError`
+    where it cannot be read as what it begins as.
 
-    Parameters
-    ----------
-    columns : TrackColumns
-        Of a table. Those of motion capture have names of their own, taken unless others than the
-        defaults are asked for.
-
-    Raises
-    ------
-    FlightError
-        It cannot be read as what it begins as.
+    `columns` are of a table. Those of motion capture have names of their own, taken unless others
+    than the defaults are asked for.
     """
     if (log := read_log(path)) is not None:
         return log.ordered(str(path))

@@ -81,12 +81,9 @@ def estimate_offset(stamps: np.ndarray, flow: np.ndarray, track: PoseTrack) -> t
     """The stamp of the first frame on the track's clock, and the correlation that speaks for it;
     raises `FlightError` where the track is shorter than two seconds, or nothing moves.
 
-    The clocks may start apart by as much as leaves half of the shorter recording in common.
-
-    Parameters
-    ----------
-    stamps, flow : (N,) arrays
-        Of the frames: seconds from the first, and image motion before each in pixels a second.
+    The clocks may start apart by as much as leaves half of the shorter recording in common. Of the
+    frames, `stamps` ``(N,)`` are seconds from the first, `flow` ``(N,)`` the image motion before
+    each in pixels a second.
     """
     track = track.located()
     time = (track.time_ns - track.time_ns[0]) / NANO
