@@ -198,6 +198,13 @@ def test_features_that_count_or_stand_still_are_named():
     )
 
 
+def test_a_test_split_alone_would_train():
+    flight = replace(
+        sound("fast quadrotor", 5, 400), split={"training": (0, 99), "test": (100, 399)}
+    )
+    assert any("no split is named train beside test" in each for each in warnings(flight))
+
+
 @pytest.mark.parametrize("kind", ["circle, steady turn", "fast quadrotor"])
 def test_an_area_in_another_unit_is_named(kind):
     """The map of a room would be taken for one of a field: errors look small beside it."""

@@ -54,11 +54,7 @@ class _Watch:
 
 def preflight(settings: Settings, seconds: float = DURATION) -> list[Check]:
     """Run the settings for a while: positions go to autopilots alone, no landing is asked for.
-
-    Raises
-    ------
-    TrextonError
-        As `build`: the settings do not fit.
+    Raises as `build`.
     """
     sinks = ((each, edge_at("sinks", each, SINKS)) for each in settings.outputs)
     autopilots = tuple(each for each, addressed in sinks if addressed and addressed[0].autopilot)

@@ -27,12 +27,8 @@ def replayed(path: str | Path) -> Iterator[str]:
     """A line for each event, silence and jump of the position, with the position sent last before
     it; and one that counts fixes, those that were sent, faults and each kind of event.
 
-    Status lines are left out: they repeat what the rest tells.
-
-    Raises
-    ------
-    DataError
-        It begins as no log, or is empty.
+    Status lines are left out: they repeat what the rest tells. Raises `DataError` where it begins
+    as no log, or is empty.
     """
     sent, usable, resets = "nothing sent yet", True, 0
     counts: Counter[str] = Counter()

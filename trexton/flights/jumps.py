@@ -53,7 +53,7 @@ def feature_doubts(flight: Flight) -> Iterator[str]:
         yield f"{held} while the vehicle flew on: did the sensor stand still? leave them out"
     if counts.any() and len(flight) >= COUNTED:
         place = int(counts.argmax())
-        name = flight.feature_names[place] if flight.feature_names else place
+        name = (flight.feature_names[place] if flight.feature_names else "") or place
         yield f"feature {name} only rises or falls: a clock or a counter? leave it out"
 
 

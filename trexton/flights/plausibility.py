@@ -30,7 +30,7 @@ _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("millisecon
 LONGEST_GAP = 1800.0  # seconds between frames of one flight; clocks may be an hour apart
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO, FLOOR_RATIO = 5.0, 20.0  # heights, and the floor's picture, by the diagonal
-AREA_RATIO = 50.0  # the diagonal, by what the positions span
+AREA_RATIO = 20.0  # the diagonal, by what the positions span
 OFFSET_FRAMES = 400  # frames whose turning is measured
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
 TURNED, MAX_TILT = 0.5, 0.35  # radians: of yaw, to know axes by; half of a flight is more level
@@ -260,6 +260,8 @@ def _splits(flight: Flight) -> Iterator[str]:
         if (common := min(last, end) - max(first, begin) + 1) > 0:
             found = f"splits train and test share {count_of(common, 'frame')}"
             yield f"{found}, which prove nothing: part them"
+    elif "test" in flight.split and len(flight.split) > 1:
+        yield "no split is named train beside test: all frames would train, those of the test too"
 
 
 def _floor(flight: Flight) -> Iterator[str]:

@@ -22,17 +22,9 @@ OPENING, MOST_OPENINGS = "[{<:-?", 10_000
 
 
 def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.ndarray | None]:
-    """The camera and its distortion coefficients (None where all are zero).
-
-    Parameters
-    ----------
-    camera_name : str
-        Which of those in a chain of Kalibr's.
-
-    Raises
-    ------
-    FlightError
-        The file is of neither kind, far longer or deeper than a calibration, or of no camera.
+    """The camera and its distortion coefficients (None where all are zero); `camera_name` is that
+    of one in a chain of Kalibr's. Raises `FlightError` where the file is of neither kind, far
+    longer or deeper than a calibration, or of no camera.
     """
     text = read_text(path)
     try:
