@@ -19,3 +19,10 @@ class TestInspector:
         assert inspector.check(noise[:12]) == "size"
         assert inspector.check(np.zeros(20)) is None
         assert Inspector(None).check(noise[:12]) is None
+
+    def test_a_camera_that_hangs_in_a_ring_of_buffers_is_frozen(self, rng):
+        """Its pictures were taken for new ones: a metre off, and sure to a centimetre."""
+        inspector = Inspector((24, 32))
+        ring = [rng.integers(0, 256, (24, 32, 3), dtype=np.uint8) for _ in range(4)]
+        assert [inspector.check(each) for each in ring] == [None] * 4
+        assert [inspector.check(each) for each in 3 * ring] == ["frozen"] * 12

@@ -317,3 +317,14 @@ def test_no_message_harms_the_conversation(data):
     talk.tell(make_fix(1.0), 1.0)
     for message in talk.due(1.0):
         message.pack(mavlink.MAVLink(None))
+
+
+def test_an_attitude_in_degrees_is_said_and_not_used():
+    ear = listener(1)
+    for stamp, angles in enumerate([(5.0, -8.0, 84.0), (0.0, 2.0, 0.0), (math.nan, 0, 0)], 1):
+        ear.hear(said_by(mavlink.MAVLink_attitude_message(0, *angles, 0, 0, 0)), stamp)
+        assert ear.attitude(stamp) is None
+    odd = [each for each in ear.news if "attitude" in each["event"]]
+    assert len(odd) == 1 and odd[0]["angles"] == (5.0, -8.0, 84.0)
+    ear.hear(said_by(mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0)), 9.0)
+    assert ear.attitude(9.0) == pytest.approx(ATTITUDE)

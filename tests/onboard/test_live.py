@@ -144,6 +144,19 @@ class TestLive:
         assert abs(stamps - time.monotonic()).max() < 600
         assert tally["clock"] == 3
 
+    @pytest.mark.parametrize("offset", [0.0, 0.45, 1e6, -1e6])
+    def test_the_delay_that_is_given_counts_on_whatever_clock_a_camera_stamps(
+        self, film, offset, monkeypatch
+    ):
+        """Positions were stamped that much too late, where the camera's clock was another."""
+        monkeypatch.setattr(Live, "delay", 0.2)
+        flight = Script()
+        steps = [step for picture in film[:4] for step in flight.seen(picture)]
+        source, fixes, *_ = flight.run(steps, source_clock=lambda: flight.clock() + offset)
+        late = [fix.captured - 0.08 * n for n, fix in enumerate(f for f in fixes if f.observed)]
+        np.testing.assert_allclose(late, late[0], atol=1e-6)
+        assert late[0] == pytest.approx(Clock()() + 0.08 - 0.2, abs=1e-6)
+
     def test_a_long_stall_is_counted_once(self, film):
         """What was left over of a minute counted again at every prediction."""
         flight = Script()

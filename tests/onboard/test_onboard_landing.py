@@ -173,6 +173,18 @@ class TestAnswers:
         assert flight.fly(3) is State.ASKED
         assert flight.autopilot.confirmations == [0, 0]
 
+    @pytest.mark.parametrize("unseen", [{"lost": True}, {"observed": False, "stale": True}])
+    def test_one_place_outside_and_none_after_it_are_no_departure(self, unseen):
+        """A refused landing was commanded again, over a zone that was never left."""
+        flight = Flight()
+        flight.fly(3)
+        flight.autopilot.answer(2)
+        flight.fly(20)
+        flight.fly(1, position=OUTSIDE)
+        flight.fly(40, **unseen)
+        assert flight.fly(20) is State.REFUSED
+        assert flight.autopilot.confirmations == [0]
+
     def test_silence_is_asked_again_with_confirmation_counted_up_and_then_given_up(self):
         flight = Flight()
         flight.fly(3)

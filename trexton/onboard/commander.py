@@ -116,7 +116,9 @@ class Commander:
 
     def _left(self, fix: Fix, now: float) -> bool:
         """Whether the vehicle has been outside long enough for the visit to be over."""
-        if fix.usable and fix.observed and fix.age(now) <= STALE_AFTER:
+        if not fix.usable or fix.age(now) > STALE_AFTER:
+            self._outside_since = None  # it may have come back
+        elif fix.observed:
             distance = float(np.hypot(*(fix.position - self.zone.center)))
             if distance <= EXIT_RADII * self.zone.radius:
                 self._outside_since = None

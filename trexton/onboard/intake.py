@@ -3,6 +3,7 @@ grab, never queued; it is checked for faults of the camera. Attitude, height and
 same moment are gathered."""
 
 import threading
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,6 +17,7 @@ from trexton.onboard.tally import Tally, say
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0  # seconds before a source is opened again
 SAMPLE_STRIDE = 8  # one pixel in 64 tells black from white and one frame from the next
 BLACK_LEVEL, WHITE_LEVEL = 12, 243  # grey levels, of 255
+RING = 16  # frames, of which none comes again
 SATURATED_SHARE = 0.98  # of the pixels, from which on a frame is dark or bright
 AIDS = ("tilt", "all", "none")
 _STAMPED = {  # what shares a stamp
@@ -115,17 +117,11 @@ class Grabber:
 
 
 class Inspector:
-    """Names the fault of a frame, or None.
-
-    Parameters
-    ----------
-    shape : (rows, columns) or None
-        The map's image size; None where the map was trained on histograms.
-    """
+    """Names the fault of a frame, or None; `shape` is that of the map's images, if it has any."""
 
     def __init__(self, shape: tuple[int, int] | None):
         self.shape = shape
-        self._last: np.ndarray | None = None
+        self._last: deque[bytes] = deque(maxlen=RING)
 
     def check(self, picture: np.ndarray) -> str | None:
         """The fault of an ``(H, W, 3) uint8`` image; a histogram has none."""
@@ -133,10 +129,11 @@ class Inspector:
             return None
         if self.shape is not None and picture.shape[:2] != self.shape:
             return "size"
-        sample = picture[::SAMPLE_STRIDE, ::SAMPLE_STRIDE].copy()
-        # Sensor noise alone makes two frames differ: a camera of equal bytes repeats itself.
-        same = self._last is not None and np.array_equal(sample, self._last)
-        self._last = sample
+        sample = picture[::SAMPLE_STRIDE, ::SAMPLE_STRIDE]
+        # Sensor noise alone makes two frames differ: a camera of equal bytes repeats itself, or
+        # hangs in a ring of buffers.
+        same = (content := sample.tobytes()) in self._last
+        self._last.append(content)
         luma = sample[..., 0]
         if np.mean(luma <= BLACK_LEVEL) >= SATURATED_SHARE:
             return "dark"

@@ -129,10 +129,11 @@ class Onboard:
         arrived = self._clock()
         stamp, captured = float(frame.time), arrived  # of NumPy's floats comes no bool
         if self.source.live:
-            if not -CLOCK_TOLERANCE <= arrived - stamp <= MAX_FRAME_AGE:
+            latest = arrived - self.source.delay
+            if stamp > latest + CLOCK_TOLERANCE or stamp < arrived - MAX_FRAME_AGE:
                 self.tally.count("clock")  # of another clock: nobody knows how old it is
-                stamp = arrived
-            captured = min(stamp, arrived)
+                stamp = latest
+            captured = min(stamp, latest)
             if self._fix is not None:  # what was predicted may reach beyond it
                 stamp = max(stamp, self._fix.time + MIN_STAMP_STEP)
         self._number = self.tally["frames"] if frame.number is None else frame.number

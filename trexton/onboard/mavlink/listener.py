@@ -27,6 +27,7 @@ NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
 VEHICLES = {*range(1, 5), *range(7, 18), *range(19, 26), 28, 29, 35}
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
 INVALID_SIGNAL = 1  # of 100; 0 is unknown
+MAX_ANGLES = np.array([3.2, 1.6, 3.2])  # radians of roll, pitch and yaw
 T = TypeVar("T")
 
 
@@ -75,6 +76,7 @@ class Listener:
         self._fused: tuple[float, bool] | None = None
         self._landed: tuple[float, int] | None = None
         self._mode: int | None = None
+        self._odd_angles = False
         self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=BUFFER_SIZE)
         self._heights: deque[tuple[float, float]] = deque(maxlen=BUFFER_SIZE)
         self._velocities: deque[tuple[float, tuple[float, float]]] = deque(maxlen=BUFFER_SIZE)
@@ -185,8 +187,11 @@ class Listener:
 
     def _on_attitude(self, message: Any, now: float) -> None:
         angles = (message.roll, message.pitch, message.yaw)
-        if np.isfinite(angles).all():
+        if (np.abs(angles) <= MAX_ANGLES).all():
             self._attitudes.append((now, angles))
+        elif not self._odd_angles and np.isfinite(angles).all():
+            self._odd_angles = True
+            self.news.append({"event": "attitude is none in radians: not used", "angles": angles})
 
     def _on_distance_sensor(self, message: Any, now: float) -> None:
         distance = message.current_distance  # centimetres

@@ -118,20 +118,15 @@ class Source(Edge, ABC):
 def open_source(
     address: str, shape: Shape = None, options: Mapping[type[Options], Any] | None = None
 ) -> Source:
-    """The source at `address`, not yet opened.
+    """The source at `address`, not yet opened; raises `TrextonError` where nothing is there, or no
+    source understands the address.
 
     Parameters
     ----------
-    address : str
     shape : (rows, columns), optional
         The image size to ask a camera for.
     options : mapping, optional
         An object for each class of options that differs from its defaults.
-
-    Raises
-    ------
-    TrextonError
-        Nothing is there, or no source understands the address.
     """
     if len(address.splitlines()) > 1:
         raise ParameterError(f"camera {address!r}: expected one line")
