@@ -222,3 +222,12 @@ def test_a_picture_has_no_layout(tmp_path, capsys):
     words = ["simulate", "--out", str(tmp_path / "f"), "--floor", "p.png", "--layout", "carpet"]
     assert cli.main(words) == 1 and not (tmp_path / "f").exists()
     assert "--layout and --floor-seed are of a painted hall" in capsys.readouterr().err
+
+
+def test_a_flight_of_rare_frames_makes_a_map_that_nobody_judged(tmp_path, capsys):
+    """No left-out part had a frame: training ended in a traceback."""
+    flight = make_flight(1)
+    write_flight(replace(flight, time=500 * np.arange(len(flight))), tmp_path / "slow")
+    words = ["train", str(tmp_path / "slow"), "-o", str(tmp_path / "a.npz"), "--method", "paper"]
+    assert cli.main(words) == 0
+    assert "its frames are too rare" in capsys.readouterr().err

@@ -72,6 +72,7 @@ class Named:
     method: str
     provenance: dict = field(default_factory=dict)
     positions: tuple = ()
+    period_s: float = 0.1
 
 
 class TestTrain:

@@ -14,7 +14,7 @@ from trexton.base.files import check_not_read, check_writable
 from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.base.streams import stream
-from trexton.evaluation.held_out import LEAST_COVERAGE, Assessment, assess
+from trexton.evaluation.held_out import LEAST_COVERAGE, STRETCH_S, Assessment, assess
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
 from trexton.flights.plausibility import warnings
@@ -89,9 +89,8 @@ def _update(flight: Flight, options: TrainOptions, choices: dict[str, Any], outp
     old = load_map(str(options.update))
     made, replaced = renewed(old, flight, rng=stream(options.seed, "training"))
     texton_map, assessment = _assessed(made, None, options)
-    path = save_map(texton_map, output)
-    became = f"{len(texton_map.positions)} frames became {path}"
-    say(f"{flight.name} replaced {replaced} frames of {options.update}: {became}")
+    count, path = len(texton_map.positions), save_map(texton_map, output)
+    say(f"{flight.name} replaced {replaced} frames of {options.update}: {count} now in {path}")
     say(f"method {texton_map.method}: {_verdict(assessment)}")
     return 0
 
@@ -110,7 +109,9 @@ def _candidates(flight: Flight, choices: dict[str, Any]) -> list[str]:
 def _assessed(
     texton_map: TextonMap, frames: Flight | None, options: TrainOptions
 ) -> tuple[TextonMap, Assessment | None]:
-    """The map with what left-out parts of its flight say of it; None of a short flight."""
+    """The map with what left-out parts of its flight say of it; None of a short or slow flight."""
+    if texton_map.period_s > STRETCH_S:  # whole parts would be without a frame
+        return texton_map, None
     try:
         assessment = assess(texton_map, frames, rng=stream(options.seed, "assessment"))
     except MapError:
@@ -130,7 +131,7 @@ def _demerit(assessment: Assessment | None) -> tuple[bool, float]:
 def _verdict(assessment: Assessment | None) -> str:
     """What to expect of a map, and how honest its covariances are."""
     if assessment is None:
-        return "the flight is too short to tell what to expect of it"
+        return "the flight is too short to tell what to expect of it, or its frames are too rare"
     lost, coverage = assessment.lost_share, assessment.coverage_90
     words = f"{100 * assessment.error_m:.0f} cm mean error on left-out parts of this flight"
     if coverage is None or lost > MOST_LOST:
