@@ -66,9 +66,7 @@ CASES = {
         ("import", "csv", "table.csv", "--out", "out", "--replace"),
         (("--split", "0.5"), ("--split", "0.4")),
     ),
-    "export": Case(
-        ("export", "room", "tum", "--out", "track.tum", "--replace"), ((), ()), "track.tum"
-    ),
+    "export": Case((*"export room tum --out t.tum --replace".split(),), ((), ()), "t.tum"),
     "run": Case((*RUN, "--no-book", *SMALL), NEIGHBORS),
     "sweep": Case(("sweep", "--out", "out"), PLANS, gathers="out/cells/"),
     "suitability": Case(

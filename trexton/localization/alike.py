@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trexton.base.errors import FlightError
+from trexton.localization.texton_map import check_alike
 
 if TYPE_CHECKING:
     from trexton.flights.flight import Flight
@@ -15,8 +16,9 @@ if TYPE_CHECKING:
 CROP_SHARE = 0.05  # of the picture, by which calibrations may cut it otherwise
 
 
-def check_view(flight: Flight, known: TextonMap | Flight) -> None:
-    """Refuse, by a `FlightError`, images of another part of the camera's picture."""
+def check_kind(flight: Flight, known: TextonMap | Flight) -> None:
+    """Refuse a flight as `check_alike` does, also for another part of the camera's picture."""
+    check_alike(flight, known)
     found, expected = (
         (0.0, 0.0, 1.0, 1.0) if how is None else np.divide(how.crop, how.source * 2).tolist()
         for how in (flight.rectification, known.rectification)

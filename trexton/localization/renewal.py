@@ -10,8 +10,8 @@ import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.flights.flight import Flight, area_around
-from trexton.localization.alike import check_view, fingerprints
-from trexton.localization.texton_map import TextonMap, check_alike
+from trexton.localization.alike import check_kind, fingerprints
+from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import full_histograms, with_parts
 
 KEPT = ("appearance", "odometry")  # roles that learned of the camera, not of the floor
@@ -36,13 +36,12 @@ def renewed(
     if not flight.located.any():
         raise MapError(f"flight {flight.name!r} has no frame with a position: it renews nothing")
     later = flight.select(flight.located)
-    low, high = np.reshape(texton_map.area, (2, 2)).T
+    low, high = corners = np.reshape(texton_map.area, (2, 2)).T
     beside = ((later.position < low) | (later.position > high)).any(axis=1).mean()
     if beside > 0.5:
         found = f"{beside:.0%} of the positions of {flight.name!r} lie beside the map"
         raise MapError(f"{found}: give them from the same origin, or train on both flights")
-    check_alike(later, texton_map)
-    check_view(later, texton_map)
+    check_kind(later, texton_map)
     histograms = full_histograms(later, texton_map.dictionary, texton_map.cells)
     held = fingerprints(texton_map.positions, texton_map.histograms)
     again = len(held & fingerprints(later.position, histograms))
@@ -59,7 +58,7 @@ def renewed(
         histograms=np.concatenate([texton_map.histograms[old], histograms]),
         positions=np.concatenate([texton_map.positions[old], later.position]),
         time=np.concatenate([texton_map.time[old], later.time + start]),
-        area=area_around(np.concatenate([np.reshape(texton_map.area, (2, 2)).T, later.position])),
+        area=area_around(np.concatenate([corners, later.position])),
         provenance=texton_map.provenance | news,
     )
     parts = {role: part.untrained() for role, part in texton_map.parts.items() if role not in KEPT}

@@ -11,12 +11,11 @@ from trexton.base.errors import MapError, ParameterError, TrextonError
 from trexton.base.files import check_not_read
 from trexton.base.streams import stream
 from trexton.evaluation.held_out import LEAST_COVERAGE
-from trexton.localization.alike import check_view
+from trexton.localization.alike import check_kind
 from trexton.localization.landing import TouchdownZone
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map
 from trexton.localization.methods import parse_choices
-from trexton.localization.texton_map import check_alike
 from trexton.onboard.commander import LandingLink
 from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, MapPlacement, MavlinkOptions, Settings
@@ -88,8 +87,7 @@ def _source(texton_map: TextonMap, settings: Settings) -> Source:
     if source.gives == "images" and texton_map.dictionary is None:
         raise MapError(f"{camera} gives images, the map holds no textons: train it on images")
     if source.flight is not None:
-        check_alike(source.flight, texton_map)
-        check_view(source.flight, texton_map)
+        check_kind(source.flight, texton_map)
     if not source.rectified:
         source.rectification = rectification
     if source.live:

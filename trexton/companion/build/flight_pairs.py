@@ -27,8 +27,7 @@ from trexton.companion.experiments.declaration import NEEDS, Experiment
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
 from trexton.flights.frames import ImageFiles
-from trexton.localization.alike import check_view, fingerprints
-from trexton.localization.texton_map import check_alike
+from trexton.localization.alike import check_kind, fingerprints
 
 _SHARE = 0.6  # of the positions of a flight without splits is for training
 _HELD_BYTES = 2**29  # of images of a test flight that stay in memory
@@ -163,8 +162,7 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
     if type(test.frames) is ImageFiles:
         test = replace(test, frames=_Held(test.frames.files))
     if train.has_images == test.has_images:
-        check_alike(test, train)
-        check_view(test, train)
+        check_kind(test, train)
     return train, test
 
 

@@ -83,13 +83,13 @@ def read(source: Path, settings: Settings) -> Recording:
     if len(damaged) > len(whole):
         raise FlightError(damaged[0])
     numbers, *shot = np.array(whole, dtype=np.int64).reshape(-1, 3).T
-    told = [(_body(message), stamps, _pose(message)) for *stamps, message in bag.messages(poses)]
-    bodies = sorted({body for body, *_ in told})
+    every = [(_body(message), stamps, _pose(message)) for *stamps, message in bag.messages(poses)]
+    bodies = sorted({body for body, *_ in every})
     wanted = [each for each in bodies if settings.body in ("", each, each.partition(" in ")[0])]
-    if told and len(wanted) != 1:  # of several the track would jump to and fro
+    if every and len(wanted) != 1:  # of several the track would jump to and fro
         found = f"{source}: {poses} holds positions of {', '.join(map(repr, bodies))}"
         raise FlightError(f"{found}: name one of them with --body")
-    rows = [row for body, *row in told if body in wanted]
+    rows = [row for body, *row in every if body in wanted]
     posed = np.array([stamps for stamps, _ in rows], dtype=np.int64).reshape(-1, 2)
     values = np.array([pose for _, pose in rows], dtype=float).reshape(-1, 7)
     said = [f"images from {images}, positions from {poses}", *unreadable(damaged)]

@@ -2,7 +2,7 @@
 known. Each source, a radio beacon say, is a feature; a frame is what was heard in a bin of time.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +37,9 @@ def read(source: Path, settings: Settings) -> Recording:
     start = time.min()
     bins = np.floor((time - start) / settings.bin)
     used, index = np.unique(bins, return_inverse=True)  # a stamp may lie years from the others
-    sources = chosen_names(settings.names) or np.unique(names).tolist()
-    columns = np.array([sources.index(name) for name in names])
+    heard_of, reading = np.unique(names, return_inverse=True)
+    sources = chosen_names(settings.names) or heard_of.tolist()
+    columns = np.array([sources.index(name) for name in heard_of])[reading]
     total, heard = np.zeros((2, len(used), len(sources)))
     np.add.at(total, (index, columns), value)
     np.add.at(heard, (index, columns), 1)
@@ -55,12 +56,12 @@ def read(source: Path, settings: Settings) -> Recording:
     if len(used) == 1 < len(time):
         raise FlightError(f"{source}: {len(time)} readings in one frame: give --time-unit or --bin")
     said.insert(0, f"{source}: {len(time)} readings in {len(used)} frames")
-    if silent := sorted({*sources} - {*names}):
+    if silent := sorted({*sources} - {*heard_of}):
         said.append(f"never heard, always {settings.floor:g}: {', '.join(silent)}")
     if (least := value.min()) < settings.floor:
         said.append(f"not heard is {settings.floor:g}, louder than {least:g}: give a lower --floor")
-    recording = Recording(stamps, track, source=f"log {source.name}", said=said)
-    return replace(recording, histograms=values, features="signals", names=tuple(sources))
+    name, kinds = f"log {source.name}", tuple(sources)
+    return Recording(stamps, track, None, values, "signals", kinds, source=name, said=said)
 
 
 def _readings(
