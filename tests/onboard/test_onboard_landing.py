@@ -55,7 +55,7 @@ def test_the_zone_is_told_the_time_of_the_frames_since_the_search_began():
     for now, more in ((7.0, {"lost": True}), (8.0, {}), (8.5, {"observed": False}), (9.0, {})):
         estimate = make_estimate(INSIDE, (0.2, 0.2), more.get("lost", False))
         commander.update(estimate, make_fix(now, INSIDE, **more), now)
-    assert zone.asked == [0.0, 0.5, 1.0]
+    assert zone.asked == [0.0, 1.0]
 
 
 def test_the_search_begins_at_take_off_where_the_autopilot_tells():
@@ -121,7 +121,6 @@ class TestTrigger:
             {"spread": (0.7, 0.2)},
             {"spread": (0.2, 0.7)},
             {"lost": True},
-            {"observed": False},
             {"stale": True},
             {"position": (np.nan, 2.5)},
         ],
@@ -133,6 +132,16 @@ class TestTrigger:
         flight.fly(1, **condition)
         assert flight.fly(2) is State.WATCHING
         assert flight.autopilot.confirmations == []
+
+    def test_what_is_predicted_between_frames_neither_counts_nor_begins_the_row_again(self):
+        flight = Flight()
+        assert flight.fly(20, observed=False) is State.WATCHING
+        for _ in range(2):  # a camera of half the rate
+            flight.fly()
+            assert flight.fly(observed=False) is State.WATCHING
+        assert flight.fly() is State.ASKED
+        assert flight.fly(observed=False) is State.ASKED
+        assert flight.fly(observed=False, stale=True) is State.WATCHING
 
     def test_dry_run_only_says_so(self):
         flight = Flight(armed=False)
@@ -321,9 +330,9 @@ class TestFaults:
     def test_a_late_answer_means_nothing(self):
         flight = Flight(consecutive=1)
         flight.fly()
-        flight.fly(200, observed=False)
+        flight.fly(200, observed=False, stale=True)
         flight.autopilot.answer(0)
-        assert flight.fly(observed=False) is State.WATCHING
+        assert flight.fly(observed=False, stale=True) is State.WATCHING
 
     def test_accepted_then_failed_is_refused(self):
         flight = Flight()

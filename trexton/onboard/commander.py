@@ -81,6 +81,7 @@ class Commander:
         self._outside_since: float | None = None  # on the clock that stamps the frames
         self._before: dict[tuple[int, str], object] = {}  # phases of the flight when it accepted
         self._during: dict[tuple[int, str], object] = {}  # those that came of it
+        self._held = False  # whether the last frame that came permitted a landing
         self._began: float | None = None  # the search, on the clock that stamps the frames
 
     def update(self, estimate: Estimate, fix: Fix, now: float) -> State:
@@ -105,10 +106,13 @@ class Commander:
             self._began = None
         if grounded or not fix.usable or fix.age(now) > STALE_AFTER:
             self.zone.reset()
+            self._held = False
             return False
         if self._began is None:
             self._began = fix.time
-        return self.zone.update(estimate, fix.time - self._began)
+        if fix.observed:  # between the frames of a slow camera nothing new is said
+            self._held = self.zone.update(estimate, fix.time - self._began)
+        return self._held
 
     def _grounded(self) -> list[object]:
         """Which autopilots say that they stand: nothing is asked of them then."""
