@@ -117,8 +117,9 @@ def test_a_stream_that_is_decoded_too_slowly_costs_frames_and_not_age(monkeypatc
         return np.full((2, 2, 3), camera.began + int.from_bytes(data[2:], "little") / 60)
 
     monkeypatch.setattr(video, "decode_image", slow)
+    monkeypatch.setattr(cv2, "VideoCapture", camera)
     tally = Tally()
-    grabber = Grabber(StreamSource("tcp://camera", capture=camera), tally)
+    grabber = Grabber(StreamSource("tcp://camera"), tally)
     seen = [grabber.next(10) for _ in range(12)]
     grabber.close()
     off = [frame.time - frame.picture.max() for frame in seen]  # the stamp, less the true moment

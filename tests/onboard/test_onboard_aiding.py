@@ -20,7 +20,7 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import train_map
 from trexton.onboard.intake import Aids
 from trexton.onboard.sinks import Guard
-from trexton.onboard.sources import Frame
+from trexton.onboard.sources import Frame, recorded
 from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.tally import Tally
 from trexton.simulator.recording import record_flight
@@ -117,13 +117,13 @@ def test_the_frame_is_believed_before_an_autopilot_which_adds_what_is_missing():
     assert aids("all", FULL).of(Frame(3.0, None, aiding=empty), 10.0).roll == 0.1
 
 
-def test_the_columns_of_a_flight_come_with_its_frames_also_when_it_is_paced(flights):
+def test_the_columns_of_a_flight_come_with_its_frames_also_when_it_is_paced(flights, monkeypatch):
     test = flights[1]
     frame = FlightSource(test).read()
     assert (frame.aiding.roll, frame.aiding.pitch, frame.aiding.yaw) == tuple(test.attitude[0])
     assert frame.aiding.height == test.height[0]
-    clock = Clock(500.0)
-    paced = FlightSource(test, pace="stamps", clock=clock, sleep=clock.sleep)
+    monkeypatch.setattr(recorded, "time", Clock(500.0))
+    paced = FlightSource(test, pace="stamps")
     paced.read()
     late = paced.read()
     assert late.time > 500 and late.aiding.at(late.time).roll == test.attitude[1, 0]

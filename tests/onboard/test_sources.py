@@ -23,6 +23,8 @@ from trexton.onboard.sources import (
     Playback,
     Source,
     open_source,
+    recorded,
+    video,
 )
 from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.sources.video import StreamSource
@@ -156,38 +158,44 @@ class FakeCapture:
 
 
 class TestCamera:
-    def source(self, capture, shape=None) -> StreamSource:
-        return StreamSource("/dev/video0", shape, capture, Clock(5.0))
+    @pytest.fixture
+    def source(self, monkeypatch):
+        def source(capture, shape=None) -> StreamSource:
+            monkeypatch.setattr(cv2, "VideoCapture", capture)
+            return StreamSource("/dev/video0", shape)
 
-    def test_it_is_asked_for_the_size_and_stamped_at_the_grab(self, rng):
+        monkeypatch.setattr(video, "time", Clock(5.0))
+        return source
+
+    def test_it_is_asked_for_the_size_and_stamped_at_the_grab(self, source, rng):
         image = rng.integers(0, 256, (4, 6, 3), dtype=np.uint8)
         capture = FakeCapture([image])
-        source = self.source(capture, shape=(4, 6))
-        source.open()
-        frame = source.decoded(source.read())
+        camera = source(capture, shape=(4, 6))
+        camera.open()
+        frame = camera.decoded(camera.read())
         np.testing.assert_array_equal(frame.picture, yuv_from_bgr(image))
         assert frame.time == 5.0
         assert capture.settings[cv2.CAP_PROP_FRAME_WIDTH] == 6
         assert capture.settings[cv2.CAP_PROP_FRAME_HEIGHT] == 4
 
     @pytest.mark.parametrize("raw", [None, np.zeros(47, np.uint8), np.zeros((4, 5, 2), np.uint8)])
-    def test_bytes_of_another_form_are_a_frame_without_picture(self, raw):
-        source = self.source(FakeCapture([raw]))
-        source.open()
-        assert source.decoded(source.read()).picture is None
+    def test_bytes_of_another_form_are_a_frame_without_picture(self, source, raw):
+        camera = source(FakeCapture([raw]))
+        camera.open()
+        assert camera.decoded(camera.read()).picture is None
 
-    def test_unplugged_or_absent(self):
-        source = self.source(FakeCapture([]))
-        source.open()
+    def test_unplugged_or_absent(self, source):
+        camera = source(FakeCapture([]))
+        camera.open()
         with pytest.raises(CameraLost, match="no frames"):
-            source.read()
+            camera.read()
         with pytest.raises(CameraLost, match="cannot be opened"):
-            self.source(FakeCapture([], opened=False)).open()
+            source(FakeCapture([], opened=False)).open()
 
 
-def test_paced_holds_frames_back_until_their_time_and_stamps_them():
-    clock = Clock(50.0)
-    source = FlightSource(small_flight(4), pace="stamps", clock=clock, sleep=clock.sleep)
+def test_paced_holds_frames_back_until_their_time_and_stamps_them(monkeypatch):
+    monkeypatch.setattr(recorded, "time", Clock(50.0))
+    source = FlightSource(small_flight(4), pace="stamps")
     np.testing.assert_allclose(
         [frame.time for frame in everything(source)], 50 + 0.08 * np.arange(4)
     )

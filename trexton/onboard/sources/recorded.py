@@ -1,7 +1,7 @@
 """Recordings as a source. A flight is played as often as asked for, at once or at its own pace."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,8 +33,6 @@ class FlightSource(Source):
     folder : str, optional
         Where it lies.
     pace : {"fast", "stamps"}
-    clock, sleep : callable
-        Seconds.
     """
 
     flight: Flight
@@ -60,18 +58,11 @@ class FlightSource(Source):
         return cls(flight, options.laps, folder, options.pace)
 
     def __init__(
-        self,
-        flight: Flight,
-        laps: int = 1,
-        folder: str | None = None,
-        pace: str = "fast",
-        clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
+        self, flight: Flight, laps: int = 1, folder: str | None = None, pace: str = "fast"
     ):
         self.flight, self.live = flight, pace == "stamps"
         self.gives = "images" if flight.has_images else "histograms"
         self.files = () if folder is None else (folder,)
-        self._clock, self._sleep = clock, sleep
         self._offset: float | None = None  # of the clock, to the stamps
         self._played = self._play(laps)
 
@@ -80,10 +71,10 @@ class FlightSource(Source):
         if frame is None or not self.live:
             return frame
         if self._offset is None:
-            self._offset = self._clock() - frame.time
+            self._offset = time.monotonic() - frame.time
         due = frame.time + self._offset
-        self._sleep(max(0.0, due - self._clock()))
-        return frame.shifted(self._clock() - frame.time)
+        time.sleep(max(0.0, due - time.monotonic()))
+        return frame.shifted(time.monotonic() - frame.time)
 
     def _play(self, laps: int) -> Iterator[Frame]:
         stamps, numbers = self.flight.time.tolist(), self.flight.frame.tolist()

@@ -3,7 +3,6 @@
 import re
 import stat
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from trexton.base.options import Options
 from trexton.onboard.sources import CameraLost, Frame, Shape, Source
 from trexton.vision.images import check_capture, decode_image, yuv_from_bgr
 
-Capture = Callable[..., Any]
 JPEG = b"\xff\xd8"
 _CAMERA = re.compile(r"/dev/video\d+")
 
@@ -32,8 +30,6 @@ class StreamSource(Source):
     address : str
     shape : (rows, columns), optional
         The image size that a camera is asked for.
-    capture, clock : callable
-        Opens an address; seconds.
     """
 
     addresses = {
@@ -59,19 +55,13 @@ class StreamSource(Source):
     def make(cls, address: str, options: Options, around: Shape) -> Source:
         return cls(address, around)
 
-    def __init__(
-        self,
-        address: str,
-        shape: Shape = None,
-        capture: Capture = cv2.VideoCapture,
-        clock: Callable[[], float] = time.monotonic,
-    ):
-        self.address, self.shape, self._make_capture, self._clock = address, shape, capture, clock
+    def __init__(self, address: str, shape: Shape = None):
+        self.address, self.shape = address, shape
         self._capture: Any = None
 
     def open(self) -> None:
         camera = _CAMERA.fullmatch(self.address)
-        self._capture = self._make_capture(self.address, cv2.CAP_V4L2 if camera else cv2.CAP_ANY)
+        self._capture = cv2.VideoCapture(self.address, cv2.CAP_V4L2 if camera else cv2.CAP_ANY)
         if not self._capture.isOpened():
             raise CameraLost(
                 f"{self.address}: cannot be opened: check that it runs, that OpenCV knows it, "
@@ -89,7 +79,7 @@ class StreamSource(Source):
     def read(self) -> Frame | None:
         if not self._capture.grab():
             raise CameraLost(f"{self.address}: gives no frames any more")
-        stamp = self._clock()  # at the grab: what follows takes time
+        stamp = time.monotonic()  # at the grab: what follows takes time
         arrived, image = self._capture.retrieve()
         return Frame(stamp, image if arrived else None)
 
