@@ -64,14 +64,16 @@ def px4(report, local=NORTH_UP):
 
 
 def odometry(report, grade):
-    return messages.PROFILES["ardupilot"](NORTH_UP, AREA)._odometry(report, grade)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(messages, "quality", lambda *_: grade)
+        return messages.PROFILES["ardupilot"](NORTH_UP, AREA).position(report, report)
 
 
 def gps_input(report, unix, fixed=True):
     gps = messages.PROFILES["ardupilot-gps"](NORTH_UP, AREA, (52.0, 4.0, 10.0))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(messages, "UNIX_OFFSET", unix - report.time)
-        return (gps.position if fixed else gps.failed)(None, report)
+        return gps.position(None, report, not fixed)
 
 
 def landing_target(name, report, local=NORTH_UP):

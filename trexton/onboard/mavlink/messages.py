@@ -123,13 +123,11 @@ class Profile:
     needs_yaw = False  # whether no position may go out without a yaw, where ours is fused
     sees_from_body = True  # whether LANDING_TARGET is the way there, not the place
 
-    def position(self, fix: Fix, report: Report) -> Any:
-        """The message for a usable fix."""
+    def position(self, fix: Fix, report: Report, failed: bool = False) -> Any:
+        """The message for a usable fix, or, `failed`, the one that says there is no position; None
+        where silence says it.
+        """
         raise NotImplementedError
-
-    def failed(self, fix: Fix, report: Report) -> Any:
-        """The message that says there is no position; None where silence says it."""
-        return None
 
     def zone(self, report: Report) -> Any:
         """LANDING_TARGET: where the landing zone lies; None where it is not to be sent.
@@ -165,7 +163,9 @@ class Px4(Profile):
     unset = NAN
     sees_from_body = False
 
-    def position(self, fix: Fix, report: Report) -> Any:
+    def position(self, fix: Fix, report: Report, failed: bool = False) -> Any:
+        if failed:
+            return None
         north, east, down = self.local.ned(report.position)
         ned = self.local.ned_covariance(report.covariance)
         own = report.yaw_sigma**2
@@ -187,13 +187,8 @@ class ArduPilot(Profile):
 
     needs_attitude = needs_yaw = True
 
-    def position(self, fix: Fix, report: Report) -> Any:
-        return self._odometry(report, quality(np.sqrt(np.diagonal(fix.covariance)), self.area))
-
-    def failed(self, fix: Fix, report: Report) -> Any:
-        return self._odometry(report, -1)
-
-    def _odometry(self, report: Report, grade: int) -> Any:
+    def position(self, fix: Fix, report: Report, failed: bool = False) -> Any:
+        grade = -1 if failed else quality(np.sqrt(np.diagonal(fix.covariance)), self.area)
         north, east, down = self.local.ned(report.position)
         ned = self.local.ned_covariance(report.covariance)
         height = _folded(np.diagonal(decoupled(ned)))
@@ -217,13 +212,7 @@ class ArduPilotGps(Profile):
     which ArduPilot refuses to arm.
     """
 
-    def position(self, fix: Fix, report: Report) -> Any:
-        return self._input(report, True)
-
-    def failed(self, fix: Fix, report: Report) -> Any:
-        return self._input(report, False)
-
-    def _input(self, report: Report, fixed: bool) -> Any:
+    def position(self, fix: Fix, report: Report, failed: bool = False) -> Any:
         assert self.origin is not None
         north, east, down = self.local.ned(report.position)
         latitude, longitude, altitude = self.origin
@@ -238,11 +227,11 @@ class ArduPilotGps(Profile):
         ignored |= mavlink.GPS_INPUT_IGNORE_FLAG_SPEED_ACCURACY
         return mavlink.MAVLink_gps_input_message(
             report.stamp_us, 0, ignored, round(1000 * seconds), int(week),
-            mavlink.GPS_FIX_TYPE_3D_FIX if fixed else mavlink.GPS_FIX_TYPE_NO_FIX,
+            mavlink.GPS_FIX_TYPE_NO_FIX if failed else mavlink.GPS_FIX_TYPE_3D_FIX,
             round(1e7 * (latitude + to_north)),
             round(1e7 * ((longitude + to_east + 180) % 360 - 180)),
             altitude - down, accuracy, UNKNOWN_HEIGHT, 0.0, 0.0, 0.0, 0.0, accuracy,
-            math.sqrt(UNKNOWN_HEIGHT), SATELLITES if fixed else 0, yaw,
+            math.sqrt(UNKNOWN_HEIGHT), 0 if failed else SATELLITES, yaw,
         )  # fmt: skip
 
 

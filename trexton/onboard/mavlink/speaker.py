@@ -182,9 +182,8 @@ class Speaker:
                 failed = True
         if failed:
             report = Report(stamp, fix.position, fix.covariance, attitude, fix.resets)
-            said = [self.profile.failed(fix, report)]
         else:
             report = Report(stamp, fusion.position, covariance, attitude, fix.resets, yaw, sigma)
-            said = [self.profile.position(fix, report)]
-            said += [] if again else [self.profile.zone(report)]
+        said = [self.profile.position(fix, report, failed)]
+        said += [] if again or failed else [self.profile.zone(report)]
         return [each for each in said if each is not None]
