@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import TrextonError
-from trexton.flights.importers.axes import attitude_from_quaternions
+from trexton.flights.importers.axes import AXES, attitude_from_quaternions
 from trexton.flights.importers.recording import PoseTrack, match
 from trexton.flights.importers.tracks import TrackColumns, read_track
 
@@ -30,8 +30,8 @@ def test_quaternions_agree_with_the_camera_model():
 
     angles = np.random.default_rng(1).uniform(-1.2, 1.2, (40, 3))
     turned = [Rotation.from_matrix(rotation_matrix(*each)).as_quat() for each in angles]
-    np.testing.assert_allclose(attitude_from_quaternions(turned), angles, atol=1e-12)
-    assert np.isnan(attitude_from_quaternions([[0, 0, 0, 0]])).all()
+    np.testing.assert_allclose(attitude_from_quaternions(turned, AXES["rfu"]), angles, atol=1e-12)
+    assert np.isnan(attitude_from_quaternions(np.zeros((1, 4)), AXES["rfu"])).all()
 
 
 def test_matching_respects_tolerance_gaps_and_the_short_way_round():

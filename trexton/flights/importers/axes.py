@@ -4,7 +4,7 @@
 matrix. `looks_away` says where the camera then looks, `readings` which others look down.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -36,9 +36,7 @@ def axes_option() -> str:
     )
 
 
-def attitude_from_quaternions(
-    quaternions: Sequence[Sequence[float]] | np.ndarray, axes: np.ndarray = AXES["rfu"]
-) -> np.ndarray:
+def attitude_from_quaternions(quaternions: np.ndarray, axes: np.ndarray) -> np.ndarray:
     """``(N, 3)`` roll, pitch, yaw as `trexton.vision.camera` defines them, from ``(N, 4)`` x, y, z,
     w, which take `axes` (an entry of `AXES`, or how a sensor is mounted) to the world's. Where a
     quaternion is not known (NaN or zero), nor is its attitude.
