@@ -23,6 +23,7 @@ COLUMNS = (
     "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m",
     "observed", "lost", "stale", "resets", "latency_s", "fault", "heading_rad", "heading_std_rad",
 )  # fmt: skip
+_UPPER = np.triu_indices(2)  # xx, xy and yy of a covariance
 _ADDING = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK  # no wait for a pipe's reader
 
 
@@ -137,20 +138,15 @@ def row(fix: Fix) -> dict[str, Any]:
             "time_s": fix.time, "frame": fix.number,
             "x_m": fix.position[0], "y_m": fix.position[1],
             "std_x_m": fix.spread[0], "std_y_m": fix.spread[1],
-            "covariance_m2": _upper(fix.covariance),
+            "covariance_m2": fix.covariance[_UPPER],
             "observed": fix.observed, "lost": fix.lost, "stale": fix.stale, "resets": fix.resets,
             "latency_s": fix.latency, "fault": fix.fault,
             "measurement_m": fusion.position,
-            "measurement_covariance_m2": _upper(fusion.covariance),
+            "measurement_covariance_m2": fusion.covariance[_UPPER],
             "heading_rad": fix.heading, "heading_std_rad": fix.heading_sigma,
         }
     )  # fmt: skip
     return dict(values)
-
-
-def _upper(covariance: np.ndarray) -> list[float]:
-    """xx, xy and yy of a ``(2, 2)`` covariance."""
-    return [covariance[0, 0], covariance[0, 1], covariance[1, 1]]
 
 
 class JsonLines(FileSink):
