@@ -73,9 +73,10 @@ def percent(share: Mapping[str, Any] | float | None) -> str:
             return percent(middle(share))
         return f"{percent(middle(share))} [{low}, {high}]"
     value = 100 * share
-    digits = 1 if 0 < abs(value) < 9.95 and abs(value - round(value)) >= 0.05 else 0
-    digits = 2 if 0.005 <= abs(value) < 0.05 else digits
-    return f"{value:.{digits}f} %"
+    if 0.005 <= abs(value) < 0.05:
+        return f"{value:.2f} %"
+    decimal = abs(value) < 9.95 and abs(value - round(value)) >= 0.05
+    return f"{value:.{int(decimal)}f} %"
 
 
 def times(ratio: float) -> str:
