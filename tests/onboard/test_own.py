@@ -14,6 +14,7 @@ from conftest import ROOT
 from small_room import histogram_flight
 
 from trexton.cli.main import main
+from trexton.cli.preflight import preflight
 from trexton.flights.writing import write_flight
 
 OWN = """
@@ -138,14 +139,19 @@ def fly(place, trained):
     return fly
 
 
-def test_a_sink_of_ones_own_has_its_address_and_its_options(fly, place, monkeypatch, capsys):
+@pytest.fixture
+def here(fly, place, monkeypatch):
+    """Commands that are called in this process find the map, the hall and the module."""
+    monkeypatch.chdir(place)
+    monkeypatch.syspath_prepend(place)
+    monkeypatch.delitem(sys.modules, "mine", raising=False)
+
+
+def test_a_sink_of_ones_own_has_its_address_and_its_options(fly, place, here, capsys):
     done = fly("--output", "mine:Loud:loud.txt", "--loud-word", "here")
     assert done.returncode == 0, done.stderr
     lines = (place / "loud.txt").read_text().splitlines()
     assert len(lines) == 5 and all(line.startswith("here ") for line in lines)
-    monkeypatch.chdir(place)
-    monkeypatch.syspath_prepend(place)
-    monkeypatch.delitem(sys.modules, "mine", raising=False)
     for address, message in {
         "mine:Nobody:x": "mine has no Nobody",
         "mine:Student:x": "is none of the sinks",
@@ -175,8 +181,11 @@ def test_what_the_world_does_is_tried_again_and_counted(fly, place):
     assert len((place / "fixes.csv").read_text().splitlines()) == 6
 
 
-def test_preflight_speaks_to_autopilots_of_ones_own(fly, place):
-    done = fly("--preflight", "--output", "mine:Tower:tower.txt", "--output", "mine:Loud:no.txt")
-    assert "link: loud:tower.txt never answers" in done.stdout, done.stderr
+def test_preflight_speaks_to_autopilots_of_ones_own(here, place, monkeypatch, capsys):
+    monkeypatch.setattr(preflight, "__defaults__", (1.0,))  # seconds of waiting in vain
+    words = ["onboard", "map.npz", "--camera", "hall", "--frames", "5", "--preflight", "--quiet"]
+    main([*words, "--output", "mine:Tower:tower.txt", "--output", "mine:Loud:no.txt"])
+    said = capsys.readouterr()
+    assert "link: loud:tower.txt never answers" in said.out, said.err
     assert (place / "tower.txt").read_text() and not (place / "no.txt").exists()
-    assert np.all([line[:4] in ("ok  ", "FAIL") for line in done.stdout.splitlines()])
+    assert np.all([line[:4] in ("ok  ", "FAIL") for line in said.out.splitlines()])
