@@ -195,7 +195,7 @@ class TestAutopilot:
             Landing: Landing(land="2,2", arm_landing=True), **(options or {}),
         }  # fmt: skip
         settings = Settings(place[0], (f"udpout:127.0.0.1:{port}",), (), changes)
-        return {check.name: check.holds for check in preflight(settings, 2.0)}
+        return {check.name: check.holds for check in preflight(settings, 1.0)}
 
     def test_one_that_fuses(self, place, monkeypatch):
         """However long it then takes to look at the frames: a first start compiles kernels."""
