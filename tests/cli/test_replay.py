@@ -29,13 +29,13 @@ def log(tmp_path) -> Path:
     return tmp_path / "log"
 
 
-def test_what_was_sent_stands_beside_what_was_answered(log, capsys):
+def test_what_was_usable_stands_beside_what_was_answered(log, capsys):
     assert main(["replay", str(log)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert "sent x 1.50 y 2.50" in lines[0] and "answer: command 21, result 2" in lines[0]
-    assert "silence: lost" in lines[1] and "sent x 3.00 y 3.50" in lines[2]
+    assert "usable x 1.50 y 2.50" in lines[0] and "answer: command 21, result 2" in lines[0]
+    assert "silence: lost" in lines[1] and "usable x 3.00 y 3.50" in lines[2]
     assert "reset 1: the position jumped" in lines[3]
-    assert lines[4] == "fixes 4, sent 2, event answer 1, event status 1, fault dark 1"
+    assert lines[4] == "fixes 4, usable 2, event answer 1, event status 1, fault dark 1"
 
 
 def test_a_log_may_come_through_a_pipe(log, tmp_path, capsys):
@@ -44,13 +44,13 @@ def test_a_log_may_come_through_a_pipe(log, tmp_path, capsys):
     writer.start()
     assert main(["replay", str(tmp_path / "pipe")]) == 0
     writer.join()
-    assert capsys.readouterr().out.splitlines()[-1].startswith("fixes 4, sent 2, event answer 1")
+    assert capsys.readouterr().out.splitlines()[-1].startswith("fixes 4, usable 2, event answer 1")
 
 
 def test_a_mark_that_an_editor_put_before_a_log_costs_no_line(log, capsys):
     log.write_bytes(b"\xef\xbb\xbf" + log.read_bytes())
     assert main(["replay", str(log)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("fixes 4, sent 2")
+    assert capsys.readouterr().out.splitlines()[-1].startswith("fixes 4, usable 2")
 
 
 def test_what_an_autopilot_says_commands_no_terminal(log, capsys):
@@ -78,8 +78,8 @@ def test_what_a_loss_of_power_left_is_told_and_the_rest_is_read(half, log, capsy
     assert main(["replay", str(log)]) == 0
     *_, damaged, answer, counts = capsys.readouterr().out.splitlines()
     assert "damaged line: number 7, why" in damaged
-    assert "sent x 0.50 y 0.50" in answer and "result 0" in answer
-    assert counts.startswith("fixes 5, sent 3, event answer 2") and "damaged line 1" in counts
+    assert "usable x 0.50 y 0.50" in answer and "result 0" in answer
+    assert counts.startswith("fixes 5, usable 3, event answer 2") and "damaged line 1" in counts
 
 
 @pytest.mark.parametrize("text", ["not json\n", "[1, 2]\n"])

@@ -166,6 +166,7 @@ class TestSpeaker:
         talk = speaker("ardupilot")
         talk.tell(make_fix(10.0), 10.0)
         assert not due(talk, 10.0, "ODOMETRY") and talk.withheld == 1
+        assert talk.listener.news[-1] == {"event": "positions withheld for want of attitude"}
         assert due(talk, 13.0, "COMMAND_LONG")[0].param1 == 30  # asks for ATTITUDE
         talk.listener.hear(
             from_autopilot(mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0)), 13.9
@@ -255,6 +256,16 @@ class TestSpeaker:
             5.0,
         )
         assert len(due(talk, 6.0, "SET_GPS_GLOBAL_ORIGIN")) == 0
+        # Once it was confirmed, whoever changes it in flight has a reason.
+        other = mavlink.MAVLink_gps_global_origin_message(520_000_000, 50_000_000, 1000, 0)
+        talk.listener.hear(from_autopilot(other), 7.0)
+        assert not any(due(talk, 7.0 + now, "SET_GPS_GLOBAL_ORIGIN") for now in range(30))
+
+    def test_nothing_is_asked_or_set_while_it_is_in_doubt_whose_it_is(self):
+        talk = speaker(origin=(51.99, 4.37, 1.0))
+        talk.listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT, 2), 0.1)
+        kinds = {message.get_type() for now in range(20) for message in talk.due(float(now))}
+        assert kinds == {"HEARTBEAT"}
 
     def test_origin_is_asked_for_for_ever_and_never_unasked(self):
         """An autopilot that starts slowly takes it half a minute after it was first heard."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import socket
 import time
+from contextlib import suppress
 
 import pytest
 from onboard_tools import make_fix, surroundings
@@ -71,6 +73,49 @@ def test_a_stranger_is_not_believed(peer, sink, key):
     assert eventually(lambda: "autopilot" in sink.status() and "heard" in sink.status())
     assert eventually(lambda: "autopilot 7 heard" in sink.status())
     assert "SEVERAL" not in sink.status()
+
+
+def test_what_another_key_signs_does_not_make_our_own_old(peer, sink):
+    """One forged stamp, an hour ahead, silenced the autopilot for that hour."""
+    forger = sign_with(mavlink.MAVLink(None, 1, 1), OTHER)
+    forger.signing.timestamp += 3600 * 10**5
+    peer.send(AUTOPILOT_HEARTBEAT.pack(forger))
+    time.sleep(0.1)
+    peer.send(AUTOPILOT_HEARTBEAT.pack(sign_with(mavlink.MAVLink(None, 1, 1), KEY)))
+    assert eventually(lambda: "autopilot 1 heard" in sink.status())
+
+
+@pytest.mark.parametrize(("key", "answered"), [(KEY, True), (OTHER, False)])
+def test_an_autopilot_whose_clock_is_behind_is_answered_until_it_has_ours(tmp_path, key, answered):
+    (tmp_path / "key").write_bytes(KEY)
+    options = mavlink_options(sign_key=str(tmp_path / "key"))
+    autopilot = sign_with(mavlink.MAVLink(None, 1, 1), key)
+    autopilot.signing.timestamp -= 3600 * 10**5
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
+        wire.bind(("127.0.0.1", 0))
+        port = wire.getsockname()[1]
+    sink = open_sink(f"udpin:127.0.0.1:{port}", surroundings(), options)
+    sink.open()
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
+            wire.settimeout(0.2)
+
+            def heard() -> bool:
+                wire.sendto(AUTOPILOT_HEARTBEAT.pack(autopilot), ("127.0.0.1", port))
+                with suppress(TimeoutError, ConnectionError):
+                    autopilot.parse_buffer(wire.recv(4096))  # which sets its clock
+                return "autopilot 1 heard" in sink.status()
+
+            assert (eventually(heard) if answered else any(heard() for _ in range(10))) is answered
+    finally:
+        sink.close()
+
+
+def test_each_link_signs_as_a_link_of_its_own(tmp_path):
+    (tmp_path / "key").write_bytes(KEY)
+    around, options = surroundings(), mavlink_options(sign_key=str(tmp_path / "key"))
+    sinks = [open_sink(f"udpout:127.0.0.1:{port}", around, options) for port in (14550, 14551)]
+    assert [sink._codec.signing.link_id for sink in sinks] == [0, 1]
 
 
 def test_an_autopilot_that_signs_and_gets_nothing_signed_is_told(peer):

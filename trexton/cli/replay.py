@@ -24,13 +24,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def replayed(path: str | Path) -> Iterator[str]:
-    """A line for each event, silence and jump of the position, with the position sent last before
-    it; and one that counts fixes, those that were sent, faults and each kind of event.
+    """A line for each event, silence and jump of the position, with the last usable position before
+    it; and one that counts fixes, those that were usable, faults and each kind of event.
 
     Status lines are left out: they repeat what the rest tells. Raises `DataError` where it begins
     as no log, or is empty.
     """
-    sent, usable, resets = "nothing sent yet", True, 0
+    last, usable, resets = "nothing usable yet", True, 0
     counts: Counter[str] = Counter()
     for row in _rows(path):
         seconds = row.get("time_s")
@@ -41,22 +41,22 @@ def replayed(path: str | Path) -> Iterator[str]:
             row.pop("time_s", None)
             words = ", ".join(f"{_short(key)} {_short(value)}" for key, value in row.items())
             if kind != "status":
-                yield f"{begin}  {sent:28}  {kind}: {words}"
+                yield f"{begin}  {last:28}  {kind}: {words}"
             continue
         fit = _fit(row)
-        counts.update({"fixes": 1, "sent": int(fit)})
+        counts.update({"fixes": 1, "usable": int(fit)})
         if row["fault"]:
             counts[f"fault {_short(row['fault'])}"] += 1
         if fit:
             x, y = row["measurement_m"]
-            sent = f"sent x {x:.2f} y {y:.2f} m"
+            last = f"usable x {x:.2f} y {y:.2f} m"
         if fit != usable:
             why = [word for word in ("lost", "stale") if row[word]] or [row["fault"] or "no image"]
-            word = "positions are sent again" if fit else f"silence: {_short(' and '.join(why))}"
-            yield f"{begin}  {sent:28}  {word}"
+            word = "positions are usable again" if fit else f"silence: {_short(' and '.join(why))}"
+            yield f"{begin}  {last:28}  {word}"
         if row.get("resets", 0) > resets:
             resets = row["resets"]
-            yield f"{begin}  {sent:28}  reset {resets}: the position jumped"
+            yield f"{begin}  {last:28}  reset {resets}: the position jumped"
         usable = fit
     if not counts:
         raise DataError(f"{path}: empty: give what --log wrote")
@@ -92,7 +92,7 @@ def _checked(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _fit(row: dict[str, Any]) -> bool:
-    """Was it sent to whoever steers by it?"""
+    """Whether it was fit to be sent to whoever steers by it."""
     return bool(row["observed"] and not row["lost"] and not row["stale"])
 
 

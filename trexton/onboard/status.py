@@ -4,6 +4,7 @@ import resource
 import sys
 from collections import deque
 from collections.abc import Sequence
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from trexton.onboard.fix import Fix
 from trexton.onboard.sinks import Guard
 from trexton.onboard.tally import Tally
 
-LATENCIES = 65536  # that are kept, the latest ones
+LATENCIES, SHOWN = 65536, 4096  # that are kept for the summary, and for a line: the latest
 
 
 class Status:
@@ -28,9 +29,9 @@ class Status:
         self._frames = 0
         self._last_at: float | None = None
 
-    def _latency(self, share: float) -> float:
-        """What this share of the latencies does not exceed; NaN before the first."""
-        return float(np.quantile(self.latencies, share)) if self.latencies else float("nan")
+    def _latency(self, *shares: float, latest: int = LATENCIES) -> list[float]:
+        """What these shares of the latencies do not exceed; NaN before the first."""
+        return np.quantile([*islice(reversed(self.latencies), latest)] or [np.nan], shares).tolist()
 
     def due(self, now: float) -> bool:
         """Whether a second has passed since the last line."""
@@ -46,8 +47,8 @@ class Status:
             self._where(fix),
         ]
         if frames:
-            median, slowest = (1e3 * self._latency(share) for share in (0.5, 0.99))
-            parts.append(f"latency {median:.1f} ms, p99 {slowest:.1f} ms")
+            median, slowest = self._latency(0.5, 0.99, latest=SHOWN)
+            parts.append(f"latency {1e3 * median:.1f} ms, p99 {1e3 * slowest:.1f} ms")
         parts += [
             f"{guard.sink.name}: {words}" for guard in self._sinks if (words := guard.sink.status())
         ]
@@ -78,11 +79,10 @@ class Status:
             "frames": self._tally["frames"],
             "observed": self._tally["observed"],
             "dropped": self._tally["dropped"],
-            "latency_s": {
-                "median": self._latency(0.5),
-                "p99": self._latency(0.99),
-                "longest": self._latency(1.0),
-            },
+            "withheld": self._tally["withheld"],
+            "latency_s": dict(
+                zip(("median", "p99", "longest"), self._latency(0.5, 0.99, 1.0), strict=True)
+            ),
             "memory_bytes": most * (1 if sys.platform == "darwin" else 1024),
             "faults": self._tally.faults,
         }

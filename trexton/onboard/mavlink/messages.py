@@ -19,18 +19,43 @@ from pymavlink.rotmat import Matrix3, Vector3
 from trexton.localization.estimate import ignorance
 from trexton.onboard.fix import Fix, LocalFrame, decoupled, largest_deviation
 
-__all__ = ["PROFILES", "Profile", "Report", "mavlink"]
+__all__ = ["PROFILES", "Codec", "Profile", "Report", "mavlink"]
 
 NAN = math.nan
 # Square metres: a height nobody measured must weigh nothing even if it is fused.
 UNKNOWN_HEIGHT = 100.0
 UNKNOWN_ANGLE = float(np.float32(math.pi**2))  # square radians
-EARTH = 6_371_000.0  # radius in metres
+EARTH = 6_378_100.0  # radius in metres, as ArduPilot takes it
 GPS_EPOCH = 315_964_800 - 18  # seconds: 6 January 1980 in Unix time, leap seconds since
 WEEK = 604_800  # seconds
 UNIX_OFFSET = time.time() - time.monotonic()  # seconds; a clock set in flight moves no receiver's
 SATELLITES = 10  # as many as ArduPilot asks for before it flies by them
 _VARIANCES = (0, 6, 11, 15, 18, 20)  # in the upper triangle of a 6x6 matrix, row by row
+
+
+class Codec(mavlink.MAVLink):  # type: ignore[misc]
+    """As pymavlink's, but what another key has signed changes nothing: not even which stamps count.
+
+    Attributes
+    ----------
+    behind : bool
+        Whether our own key came with stamps too old to be believed: a clock that was never set.
+    """
+
+    behind = False
+
+    def check_signature(self, message: bytearray, system: int, component: int) -> bool:
+        """Whether a signed message counts."""
+        signing = self.signing
+        before, streams = signing.timestamp, signing.stream_timestamps
+        signing.stream_timestamps = dict(streams)
+        if super().check_signature(message, system, component):
+            return True
+        signing.timestamp = 0
+        signing.stream_timestamps = dict(streams)
+        self.behind |= super().check_signature(message, system, component)
+        signing.timestamp, signing.stream_timestamps = before, streams
+        return False
 
 
 def rounded_up(value: float) -> float:

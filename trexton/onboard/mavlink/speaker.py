@@ -64,13 +64,13 @@ class Speaker:
         self._intervals = INTERVALS | {"fused": (profile.estimator, 1.0)}
         self._asked = ["roll", "grounded", "fused"]
         self._asked += {"none": [], "tilt": ["height"], "all": ["height", "velocity"]}[aiding]
-        self.withheld = 0
+        self.withheld, self._withholds = 0, False
         self.commands: deque[Any] = deque()
         self._fix: Fix | None = None  # the latest that an image went into, or that is not usable
         self._told_at = -np.inf
         self._next_at = -np.inf  # when it is to be sent: at once, then for want of another
         self._due: dict[str, float] = {}
-        self._origin_attempts = 0
+        self._origin_attempts, self._confirmed = 0, False
 
     def tell(self, fix: Fix, now: float) -> None:
         """Take in a new fix. A prediction is no measurement, and is not passed on."""
@@ -106,7 +106,7 @@ class Speaker:
             nobody = mavlink.MAV_AUTOPILOT_INVALID
             out.append(mavlink.MAVLink_heartbeat_message(kind, nobody, 0, 0, state, 3))
         target = self.listener.target
-        if target is not None:
+        if target is not None and self.listener.certain:
             out += self._requests(target, now)
         return out + self._positions(now)
 
@@ -114,13 +114,12 @@ class Speaker:
         out = []
         if self._boots != self.listener.boots:
             self._boots, self._due, self._origin_attempts = self.listener.boots, {}, 0
+            self._confirmed = False
         pause = ORIGIN_PAUSE if self._origin_attempts < ORIGIN_ATTEMPTS else LATER_ORIGIN_PAUSE
         origin = self._origin
-        if (
-            origin is not None
-            and not self.listener.confirms(origin)
-            and self._is_due("origin", now, pause)
-        ):
+        # Whoever changes it later has a reason: the log says so, and preflight.
+        self._confirmed |= origin is not None and self.listener.confirms(origin)
+        if origin is not None and not self._confirmed and self._is_due("origin", now, pause):
             place = [round(1e7 * origin[0]), round(1e7 * origin[1]), round(1000 * origin[2])]
             out.append(
                 mavlink.MAVLink_set_gps_global_origin_message(target[0], *place, round(1e6 * now))
@@ -167,7 +166,12 @@ class Speaker:
         self._next_at = now + REPEAT_AFTER
         if failed or (attitude is None and self.profile.needs_attitude):  # said once, or not at all
             self._fix = None
-        if attitude is None and self.profile.needs_attitude:
+        withheld = attitude is None and self.profile.needs_attitude
+        if withheld != self._withholds:
+            self._withholds = withheld
+            words = "withheld for want of attitude" if withheld else "no longer withheld"
+            self.listener.news.append({"event": f"positions {words}"})
+        if withheld:
             self.withheld += 1
             return []
         yaw = sigma = np.nan

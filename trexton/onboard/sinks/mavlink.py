@@ -51,7 +51,8 @@ class MavlinkSink(Sink):
             profile, around.motion_rate, listener, options.place,
             aiding=around.aiding, send_yaw=options.send_yaw,
         )  # fmt: skip
-        self._codec = self._new_codec()
+        self._codec = self._new_codec(len(around.links))
+        around.links.append(address)
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._thread: threading.Thread | None = None
         self.connected = False
@@ -145,14 +146,15 @@ class MavlinkSink(Sink):
             self._thread.join(timeout=2.0)
             self._thread = None
 
-    def _new_codec(self) -> Any:
-        from trexton.onboard.mavlink.messages import mavlink
+    def _new_codec(self, link: int) -> Any:
+        from trexton.onboard.mavlink.messages import Codec
 
-        codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=self._options.component_id)
+        codec = Codec(None, srcSystem=1, srcComponent=self._options.component_id)
         codec.robust_parsing = True  # garbage on the wire is skipped, not raised
         if (key := self._options.key()) is not None:
             codec.signing.secret_key = key
             codec.signing.sign_outgoing = True
+            codec.signing.link_id = link % 256  # of each, an autopilot counts the stamps
             # Tens of microseconds since 2015, as the protocol counts; it must only ever grow. A
             # computer whose clock was never set begins there: it signs, and is refused if it did
             # so later before.
@@ -192,7 +194,8 @@ class MavlinkSink(Sink):
     def _exchange(self) -> None:
         """Say what is due, then listen until the next may be."""
         with self._lock:
-            due = self.speaker.due(self._clock())
+            before, due = self.speaker.withheld, self.speaker.due(self._clock())
+            self._tally.count("withheld", self.speaker.withheld - before)
         for message in due:
             self._link.send(message.pack(self._codec))
             self._tally.count(f"sent {message.get_type()}")
@@ -205,6 +208,9 @@ class MavlinkSink(Sink):
             target = listener.target
         if messages:
             self._why = ""
+        if self._codec.behind:  # our stamps set its clock, if it hears them
+            self._codec.behind = False
+            self._link.understood()
         if any((each.get_srcSystem(), each.get_srcComponent()) == target for each in messages):
             self._link.understood()  # another vehicle must not fly by what is ours
         if target is not None:
