@@ -112,3 +112,16 @@ def test_what_is_left_out_or_never_heard_is_said(tmp_path):
         read(log, Settings(time_unit="ns"))
     with pytest.raises(FlightError, match="no row has a value of a source"):
         read(log, Settings(names="nobody"))
+
+
+def test_a_clock_that_begins_again_is_no_one_recording(tmp_path):
+    """Of two laps in one file each frame was the mean of two places, and check found no fault."""
+    lap = [f"{time / 10},{source},{time % 7},{{x}},1" for time in range(100) for source in "ab"]
+    laps = ["\n".join(lap).format(x=x) for x in (0, 30)]
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join(["stamp,source,value,x,y", *laps]))
+    with pytest.raises(FlightError, match="the clock of a is set back by 9.9 s: import each"):
+        read(log, Settings())
+    by_source = sorted(lap, key=lambda row: row.split(",")[1])  # as some tools write them
+    log.write_text("\n".join(["stamp,source,value,x,y", *by_source]).format(x=0))
+    assert len(read(log, Settings()).time_ns) == 20

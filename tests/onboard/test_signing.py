@@ -115,7 +115,7 @@ def test_each_link_signs_as_a_link_of_its_own(tmp_path):
     (tmp_path / "key").write_bytes(KEY)
     around, options = surroundings(), mavlink_options(sign_key=str(tmp_path / "key"))
     sinks = [open_sink(f"udpout:127.0.0.1:{port}", around, options) for port in (14550, 14551)]
-    assert [sink._codec.signing.link_id for sink in sinks] == [0, 1]
+    assert len({sink._codec.signing.link_id for sink in sinks}) == 2
 
 
 def test_an_autopilot_that_signs_and_gets_nothing_signed_is_told(peer):

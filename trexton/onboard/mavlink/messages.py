@@ -34,15 +34,9 @@ _VARIANCES = (0, 6, 11, 15, 18, 20)  # in the upper triangle of a 6x6 matrix, ro
 
 
 class Codec(mavlink.MAVLink):  # type: ignore[misc]
-    """As pymavlink's, but what another key has signed changes nothing: not even which stamps count.
+    """As pymavlink's, but what another key signs changes nothing: not even which stamps count."""
 
-    Attributes
-    ----------
-    behind : bool
-        Whether our own key came with stamps too old to be believed: a clock that was never set.
-    """
-
-    behind = False
+    behind = False  # whether our key came with stamps too old to be believed, of a clock never set
 
     def check_signature(self, message: bytearray, system: int, component: int) -> bool:
         """Whether a signed message counts."""

@@ -64,7 +64,7 @@ class Speaker:
         self._intervals = INTERVALS | {"fused": (profile.estimator, 1.0)}
         self._asked = ["roll", "grounded", "fused"]
         self._asked += {"none": [], "tilt": ["height"], "all": ["height", "velocity"]}[aiding]
-        self.withheld, self._withholds = 0, False
+        self.withheld = 0
         self.commands: deque[Any] = deque()
         self._fix: Fix | None = None  # the latest that an image went into, or that is not usable
         self._told_at = -np.inf
@@ -166,12 +166,9 @@ class Speaker:
         self._next_at = now + REPEAT_AFTER
         if failed or (attitude is None and self.profile.needs_attitude):  # said once, or not at all
             self._fix = None
-        withheld = attitude is None and self.profile.needs_attitude
-        if withheld != self._withholds:
-            self._withholds = withheld
-            words = "withheld for want of attitude" if withheld else "no longer withheld"
-            self.listener.news.append({"event": f"positions {words}"})
-        if withheld:
+        if attitude is None and self.profile.needs_attitude:
+            if not self.withheld:
+                self.listener.news.append({"event": "positions withheld for want of attitude"})
             self.withheld += 1
             return []
         yaw = sigma = np.nan

@@ -65,8 +65,6 @@ class Surroundings:
         What of the other side's knowledge is used.
     heard : dict
         The autopilots of all links.
-    links : list of str
-        Their addresses.
     target : (2,) array or None
         Centre of the landing zone, metres on the map, where there is one.
     clock : callable
@@ -84,7 +82,6 @@ class Surroundings:
     clock: Callable[[], float] = time.monotonic
     kind: str = ""
     heard: dict[tuple[int, int], None] = field(default_factory=dict)
-    links: list[str] = field(default_factory=list)
 
 
 class Sink(Edge, ABC):

@@ -6,6 +6,7 @@ import select
 import threading
 import time
 from collections.abc import Iterator
+from itertools import count
 from typing import Any
 
 from trexton.base.errors import ParameterError
@@ -20,6 +21,7 @@ WAIT = 0.005  # seconds that a position may wait for the wire; its stamp does no
 MARKERS = b"\xfe\xfd"  # first byte of a message
 MIN_MESSAGE_BYTES = 8  # bytes; what the parser waits for before it knows more
 MOST_UNREAD = 500  # bytes in which no message is found, before it is said
+_links = count()
 FUSED = {True: "has a position", False: "HAS NO POSITION", None: "does not say if it has one"}
 
 
@@ -51,8 +53,7 @@ class MavlinkSink(Sink):
             profile, around.motion_rate, listener, options.place,
             aiding=around.aiding, send_yaw=options.send_yaw,
         )  # fmt: skip
-        self._codec = self._new_codec(len(around.links))
-        around.links.append(address)
+        self._codec = self._new_codec()
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._thread: threading.Thread | None = None
         self.connected = False
@@ -146,7 +147,7 @@ class MavlinkSink(Sink):
             self._thread.join(timeout=2.0)
             self._thread = None
 
-    def _new_codec(self, link: int) -> Any:
+    def _new_codec(self) -> Any:
         from trexton.onboard.mavlink.messages import Codec
 
         codec = Codec(None, srcSystem=1, srcComponent=self._options.component_id)
@@ -154,7 +155,7 @@ class MavlinkSink(Sink):
         if (key := self._options.key()) is not None:
             codec.signing.secret_key = key
             codec.signing.sign_outgoing = True
-            codec.signing.link_id = link % 256  # of each, an autopilot counts the stamps
+            codec.signing.link_id = next(_links) % 256  # an autopilot counts the stamps of each
             # Tens of microseconds since 2015, as the protocol counts; it must only ever grow. A
             # computer whose clock was never set begins there: it signs, and is refused if it did
             # so later before.
