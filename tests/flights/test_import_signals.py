@@ -120,7 +120,7 @@ def test_a_clock_that_begins_again_is_no_one_recording(tmp_path):
     laps = ["\n".join(lap).format(x=x) for x in (0, 30)]
     log = tmp_path / "log.csv"
     log.write_text("\n".join(["stamp,source,value,x,y", *laps]))
-    with pytest.raises(FlightError, match="the clock of a is set back by 9.9 s: import each"):
+    with pytest.raises(FlightError, match="the clock is set back by 9.9 s: import each"):
         read(log, Settings())
     by_source = sorted(lap, key=lambda row: row.split(",")[1])  # as some tools write them
     log.write_text("\n".join(["stamp,source,value,x,y", *by_source]).format(x=0))

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -182,7 +183,8 @@ def test_what_the_world_does_is_tried_again_and_counted(fly, place):
 
 
 def test_preflight_speaks_to_autopilots_of_ones_own(here, place, monkeypatch, capsys):
-    monkeypatch.setattr(preflight, "__defaults__", (1.0,))  # seconds of waiting in vain
+    briefly = partial(preflight, seconds=1.0)  # what is not there is waited for in vain
+    monkeypatch.setattr("trexton.cli.preflight.preflight", briefly)
     words = ["onboard", "map.npz", "--camera", "hall", "--frames", "5", "--preflight", "--quiet"]
     main([*words, "--output", "mine:Tower:tower.txt", "--output", "mine:Loud:no.txt"])
     said = capsys.readouterr()

@@ -83,10 +83,11 @@ def _readings(
     if not good.any():
         found = f"{path}: no row has a value of a source, and a stamp in {settings.time_unit}"
         raise FlightError(f"{found}: give both, or another --time-unit")
-    for name in np.unique(names[good]):  # some logs hold one source after the other
-        if (back := -np.diff(time[good & (names == name)]).min(initial=0)) > settings.keep:
-            found = f"{path}: the clock of {name} is set back by {back:.3g} s"
-            raise FlightError(f"{found}: import each recording by itself, rows in order of time")
+    order = np.flatnonzero(good)[np.argsort(names[good], kind="stable")]
+    same = names[order][1:] == names[order][:-1]  # some logs hold one source after the other
+    if (back := -np.diff(time[order])[same].min(initial=0)) > settings.keep:
+        found = f"{path}: the clock is set back by {back:.3g} s"
+        raise FlightError(f"{found}: import each recording by itself, rows in order of time")
     stamps = np.unique(time[good])
     gap = np.median(np.diff(stamps, prepend=stamps[0]))
     if gap > settings.keep and 2 * len(stamps) > good.sum():  # frames would hold one value each

@@ -21,7 +21,7 @@ WAIT = 0.005  # seconds that a position may wait for the wire; its stamp does no
 MARKERS = b"\xfe\xfd"  # first byte of a message
 MIN_MESSAGE_BYTES = 8  # bytes; what the parser waits for before it knows more
 MOST_UNREAD = 500  # bytes in which no message is found, before it is said
-_links = count()
+_links = count()  # their numbers, in the order in which they are made
 FUSED = {True: "has a position", False: "HAS NO POSITION", None: "does not say if it has one"}
 
 
