@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import trexton
-from trexton.base.cache import _locked, cached, code_hashes
+from trexton.base.cache import _hash_and_imports, _locked, cached, code_hashes
 from trexton.localization.methods import ROLES
 
 # In a copy of the package: change a constant of one reached module after the other, ask each time.
@@ -61,6 +61,22 @@ def test_a_change_in_any_module_that_is_reached_makes_it_anew(tmp_path):
     )  # fmt: skip
     assert done.stdout.split() and done.stdout.split() == done.stdout.split()[:1], done
     assert int(done.stdout) >= 5
+
+
+def test_what_a_docstring_says_is_not_code(tmp_path, monkeypatch):
+    module = tmp_path / "trexton" / "module.py"
+    module.parent.mkdir()
+    texts = [
+        '"""One."""\nx = "a text"\n',
+        '"""Two,\nlonger.\n"""\nx = "a text"\n',
+        '"""Two,\nlonger.\n"""\nx = "another text"\n',
+    ]
+    monkeypatch.setattr("trexton.base.cache._PACKAGE", module.parent)
+    hashes = []
+    for text in texts:
+        module.write_text(text)
+        hashes.append(_hash_and_imports.__wrapped__("trexton.module")[0])
+    assert hashes[0] == hashes[1] != hashes[2]
 
 
 def test_parts_that_are_loaded_by_name_are_reached():

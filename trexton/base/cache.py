@@ -51,7 +51,8 @@ def cache_folder() -> Path:
 
 @cache
 def code_hashes(module: str) -> dict[str, str]:
-    """SHA-256 of the source of `module` and of all of this package it imports, however deep.
+    """SHA-256 of the source of `module` and of all of this package it imports, however deep,
+    without docstrings: what is said of a result does not change it.
 
     To a package belong the pages, styles and scripts beside its modules. What tables name as
     ``"trexton.module:name"`` counts as imported.
@@ -75,17 +76,20 @@ def _hash_and_imports(module: str) -> tuple[str, list[str]] | None:
     file = next((file for file in files if file.is_file()), None)
     if file is None:
         return None
-    source = file.read_bytes()
+    source, said = file.read_bytes(), set[int]()  # lines of docstrings
     names: list[str] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str):
+            said.update(range(node.lineno - 1, node.end_lineno or 0))
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             if _ADDRESS.fullmatch(node.value):  # in a table of what is imported when asked for
                 names.append(node.value.partition(":")[0])
-    total = hashlib.sha256(source)
+    code = [line for number, line in enumerate(source.splitlines()) if number not in said]
+    total = hashlib.sha256(b"\n".join(code))
     for beside in sorted(place.glob("*")):  # what the modules of a package read
         if beside.suffix in (".css", ".html", ".js"):
             total.update(beside.read_bytes())
