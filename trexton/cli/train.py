@@ -14,7 +14,7 @@ from trexton.base.files import check_not_read, check_writable
 from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.base.streams import stream
-from trexton.evaluation.held_out import LEAST_COVERAGE, STRETCH_S, Assessment, assess
+from trexton.evaluation.held_out import LEAST_COVERAGE, Assessment, assess
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
 from trexton.flights.plausibility import warnings
@@ -110,8 +110,6 @@ def _assessed(
     texton_map: TextonMap, frames: Flight | None, options: TrainOptions
 ) -> tuple[TextonMap, Assessment | None]:
     """The map with what left-out parts of its flight say of it; None of a short or slow flight."""
-    if texton_map.period_s > STRETCH_S:  # whole parts would be without a frame
-        return texton_map, None
     try:
         assessment = assess(texton_map, frames, rng=stream(options.seed, "assessment"))
     except MapError:

@@ -65,9 +65,11 @@ def assess(
     Raises
     ------
     MapError
-        The flight is too short.
+        The flight is too short, or its frames are too rare.
     """
     flown = list(replay(texton_map, samples=SAMPLES, rng=rng, flight=flight))
+    if not flown:
+        raise MapError(f"a frame in {texton_map.period_s:.1f} s: record more of them a second")
     errors, wide, inside = [], [], []
     for truth, estimate in flown:
         errors.append(error := estimate.position - truth)

@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trexton.base.defaults import NEIGHBORS
-from trexton.base.errors import FlightError, MapError
+from trexton.base.errors import MapError
 from trexton.localization.base import Area
 from trexton.localization.neighbors import Distance, Hellinger
 from trexton.vision.textons import TextonDictionary
 
 if TYPE_CHECKING:
-    from trexton.flights.flight import Flight
     from trexton.vision.camera import Rectification
 
 
@@ -107,29 +106,3 @@ class TextonMap:
         """The map of these rows only, a mask or indices; its parts stay as they learned."""
         kept = {name: getattr(self, name)[rows] for name in ("histograms", "positions", "time")}
         return replace(self, **kept)
-
-
-def check_alike(flight: Flight, known: TextonMap | Flight) -> None:
-    """Refuse a flight whose images or features are not of the kind of a map's, or of another
-    flight's, as far as that is known, by a `FlightError`.
-    """
-    found, expected = _frames(flight), _frames(known)
-    pairs = enumerate(zip(flight.feature_names, known.feature_names, strict=False), 1)
-    odd = next((place for place, (name, other) in pairs if name != other), None)
-    if found == expected and odd is not None:
-        found, expected = (f"feature {odd} {x.feature_names[odd - 1]!r}" for x in (flight, known))
-    if found != expected:
-        words = f"flight {flight.name!r} has {found} where {expected} were expected"
-        raise FlightError(f"{words}: import it as the first was, with the same --names if any")
-
-
-def _frames(known: TextonMap | Flight) -> str:
-    """What the frames of a map or a flight are, in words."""
-    if isinstance(known, TextonMap):
-        shape = known.image_shape
-    else:
-        shape = known.image(0).shape[:2] if known.has_images else None
-    if shape is None:
-        return f"{0 if known.histograms is None else known.histograms.shape[1]} features a frame"
-    lens = "undistorted " * bool(known.rectification and known.rectification.distortion)
-    return f"{lens}images of {shape[1]}x{shape[0]} pixels"

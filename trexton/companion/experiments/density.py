@@ -131,7 +131,8 @@ def finding(record: Record) -> str:
     for survey in (record.values["surveys"][0], record.values["surveys"][-1]):
         said.append(
             f"After a survey of {number(survey['lasted_s'])} s the mean error of the field is "
-            f"{distance(survey['parts']['error_cm'])}, of the paper's filter "
+            f"{distance(survey['parts']['error_cm'])} by parts of the images, "
+            f"{distance(middle(survey['field']['error_cm']))} by whole ones, of the paper's filter "
             f"{distance(middle(survey['paper']['error_cm']))}."
         )
     return " ".join(said)
