@@ -46,7 +46,9 @@ def test_equal_seeds_give_equal_records(flight, record, monkeypatch):
 
 def test_finding_table_and_figure_say_what_the_record_holds(record):
     surveys = record.values["surveys"]
-    assert f"{distance(surveys[0]['parts']['error_cm'])}, of the paper's" in density.finding(record)
+    parts, whole = (surveys[0][method]["error_cm"] for method in ("parts", "field"))
+    words = f"{distance(parts)} by parts of the images, {distance(whole['value'])} by whole ones"
+    assert words in density.finding(record)
     assert len(density.table(record)) == len(density.TIMES) * len(density.METHODS)
     (plot,) = density.errors(record).axes
     drawn, *_ = plot.containers[0]
