@@ -25,7 +25,8 @@ from trexton.flights.header import FORMAT
 def write_flight(flight: Flight, path: str | os.PathLike[str], replace: bool = False) -> Path:
     """Write `flight` as a folder, whole or not at all; images and floor are copied as they are.
 
-    A folder in its place must be empty, unless `replace`.
+    A folder in its place must be empty, unless `replace`. Raises `DataError` where it is not, or
+    cannot be written.
     """
     path = Path(path)
     with atomic_folder(path, replace) as folder:

@@ -41,7 +41,19 @@ class MotionModel(Part):
         raise NotImplementedError
 
     def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """``(M,)`` log of sum_j p(x_i | x_j a frame before) w_j, up to a shared constant."""
+        """Log of sum_j p(x_i | x_j a frame before) w_j, up to a shared constant.
+
+        Parameters
+        ----------
+        states : (M, D) array
+            x_i.
+        previous, weights : (N, D), (N,) arrays
+            x_j, and w_j, which sum to one.
+
+        Returns
+        -------
+        (M,) array
+        """
         raise NotImplementedError
 
     def likeliest(

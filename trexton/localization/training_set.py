@@ -67,8 +67,8 @@ class Training:
         return NearestHistograms(self.histograms, self.positions, k=1, distance=self.distance)
 
     def neighbors(self, k: int, excluded_s: float) -> np.ndarray:
-        """``(N, k)`` rows of the nearest histograms of each frame, those near in time left out.
-        Raises `MapError` where some frame has fewer than k others outside that time.
+        """``(N, k)`` rows of the nearest histograms of each frame, without those up to `excluded_s`
+        seconds apart. Raises `MapError` where some frame has fewer than k others.
         """
         return neighbors_in_flight(self.nearest, self.histograms, self.time, k, excluded_s)
 

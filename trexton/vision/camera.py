@@ -58,7 +58,22 @@ def outline(width: int, height: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole camera: sizes in pixels; the principal point is the image centre unless given."""
+    """Pinhole camera.
+
+    Parameters
+    ----------
+    width, height : int
+        Of the image, in pixels.
+    focal : float
+        Focal length in pixels.
+    center : (x, y), optional
+        Principal point in pixels; the image centre unless given.
+
+    Raises
+    ------
+    ParameterError
+        A size or the focal length is not positive, or a number not finite.
+    """
 
     width: int = 640
     height: int = 480

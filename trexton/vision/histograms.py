@@ -68,13 +68,21 @@ def sampled_histogram(
         Not copied if contiguous.
     n : int
         Number of samples; the error falls as 1 / sqrt(n).
+    rng : numpy.random.Generator
     cells : int
-        See `texton_histogram`, which returns the same and raises the same.
+        See `texton_histogram`.
+
+    Returns
+    -------
+    (K cells^2,) float64 array
+        Part after part, in reading order.
 
     Raises
     ------
+    ImageError
+        Not an image, or smaller than a patch.
     ParameterError
-        `n` is no whole number of at least 1, or `rng` is no generator.
+        `n` or `cells` is no whole number of at least 1, or `rng` is no generator.
     """
     positions = sample_positions(check_image(image).shape, dictionary.patch, n, rng)
     patches = gather_patches(image, positions, dictionary.patch)
