@@ -44,7 +44,7 @@ def test_roll_and_pitch_of_another_convention_mislead_little(axes):
 
 def test_an_unmeasured_tilt_is_expected_as_it_was():
     last = np.array([1.0, 2.0, 1.1, 0.06, -0.04, 0.3])
-    prior = PosePrior(1.0, 0.007, 0.02).prior(None, None, last)
+    prior = PosePrior(1.0, 0.007, 0.02).prior(None, None, last, 1)
     assert prior.mean[3:5] == pytest.approx(0.85 * last[3:5], rel=0.02)
     assert 0.02 < prior.deviation[3] == prior.deviation[4] < 0.03
     tracker = tracker_as_new()
@@ -56,10 +56,10 @@ def test_a_tilt_that_changes_much_is_expected_less_like_before():
     expected, rng = PosePrior(1.0, 0.007, 0.02), np.random.default_rng(1)
     pose = np.array([1.0, 2.0, 1.0, 0.0, 0.0, 0.0])
     for _ in range(60):
-        prior = expected.prior(None, None, pose)
+        prior = expected.prior(None, None, pose, 1)
         pose = np.array([*pose[:3], *(0.06 * rng.standard_normal(2)), 0.0])
         expected.learn(prior, Alignment(pose, 1e-5 * np.eye(6), 0.9, 0.1))
-    prior = expected.prior(None, None, pose)
+    prior = expected.prior(None, None, pose, 1)
     assert 0.04 < prior.deviation[3] < 0.07
     assert np.all(np.abs(prior.mean[3:5]) < 0.6 * np.abs(pose[3:5]))
 

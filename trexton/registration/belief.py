@@ -2,11 +2,8 @@
 by how well a frame fits, and `ViewMotion`: how the middle of the view moves, by fixes and odometry.
 """
 
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from trexton.vision.camera import wrapped
 
@@ -22,7 +19,6 @@ _STRAYS = 0.6  # cells a frame: the error of going on as before
 PATIENCE = 12  # frames after which the last pose, or velocity, is forgotten
 _MEMORY = 10.0  # frames over which it is taken how far the view moves
 Window = tuple[slice, slice]
-Array = NDArray[Any]
 
 
 class CellBelief:
@@ -40,7 +36,7 @@ class CellBelief:
         self.headings = np.zeros(1)
         self.mass = self._even[None].copy()
 
-    def reset(self, headings: Array, kept: float = 0.0) -> None:
+    def reset(self, headings: np.ndarray, kept: float = 0.0) -> None:
         """Anywhere under any of these headings (radians), but for a share `kept` as it was."""
         before, self.headings = self.mass.sum(axis=0), np.array(headings, dtype=float)
         even = self._even
@@ -48,7 +44,7 @@ class CellBelief:
             even = (1 - kept) * even + kept / float(before.sum()) * before
         self.mass = np.repeat(even[None] / len(headings), len(headings), axis=0)
 
-    def expect(self, place: Array, radius: int, heading: float) -> None:
+    def expect(self, place: np.ndarray, radius: int, heading: float) -> None:
         """Half of the belief goes to within `radius` cells of a place, and to about a heading."""
         near = abs(wrapped(self.headings - heading)) < _ABOUT
         box = (near | ~near.any(), *self._box(place, radius)[1:])
@@ -70,7 +66,7 @@ class CellBelief:
         peak = self.mass.max(axis=0)
         least = max(_NEGLIGIBLE * float(peak.max()), 3 * _ANYWHERE * float(self._even.max()))
 
-        def spanned(profile: Array) -> slice:
+        def spanned(profile: np.ndarray) -> slice:
             above = np.flatnonzero(profile > least)
             first, last = (above[0], above[-1]) if len(above) else (0, len(profile))
             return slice(max(0, int(first) - margin), min(len(profile), int(last) + margin + 1))
@@ -108,15 +104,15 @@ class CellBelief:
             left[box[1:]] = 0
         return modes
 
-    def around(self, place: Array, radius: int) -> float:
+    def around(self, place: np.ndarray, radius: int) -> float:
         """The belief within `radius` cells of a place (column, row)."""
         return float(self.mass[self._box(place, radius)].sum())
 
-    def scale(self, place: Array, radius: int, factor: float) -> None:
+    def scale(self, place: np.ndarray, radius: int, factor: float) -> None:
         """Multiply what lies within `radius` cells of a place (column, row)."""
         self.mass[self._box(place, radius)] *= factor
 
-    def sharpen(self, place: Array, peak: Array, radius: int) -> None:
+    def sharpen(self, place: np.ndarray, peak: np.ndarray, radius: int) -> None:
         """Gather what lies within `radius` cells of `peak` about `place`, now known to a cell."""
         held = self.mass[self._box(peak, radius)].sum(axis=(1, 2))
         self.mass[self._box(peak, radius)] = 0
@@ -128,7 +124,7 @@ class CellBelief:
         if total > 0:
             self.mass[box] += (held / total)[:, None, None] * near.astype(np.float32)
 
-    def _box(self, place: Array, radius: int) -> tuple[slice, slice, slice]:
+    def _box(self, place: np.ndarray, radius: int) -> tuple[slice, slice, slice]:
         column, row = (int(round(float(each))) for each in place)
         height, width = self.allowed.shape
         top, left = min(max(0, row - radius), height), min(max(0, column - radius), width)
@@ -173,13 +169,13 @@ class ViewMotion:
     def __init__(self, cell: float, longest: float):
         self.cell, self.longest = cell, longest
         self.aimed = self._before = np.zeros(2)
-        self.velocity: Array | None = None
+        self.velocity: np.ndarray | None = None
         self._fresh = 0  # frames for which the velocity still counts
         self._reach = 0.0  # cells: how far it moves from frame to frame
 
     def predicted(
-        self, shift: Array, last: Array | None, sure: float, steps: int
-    ) -> tuple[Array, float]:
+        self, shift: np.ndarray, last: np.ndarray | None, sure: float, steps: int
+    ) -> tuple[np.ndarray, float]:
         """``(K, 2)`` cells by which the view moved, one row a heading, and their deviation.
 
         Parameters
@@ -207,7 +203,7 @@ class ViewMotion:
             return np.zeros_like(shift), max(_UNKNOWN, self._reach) * steps
         return shift, KNOWN
 
-    def aim(self, place: Array) -> None:
+    def aim(self, place: np.ndarray) -> None:
         """A frame was found to show this point, metres, in its middle."""
         self._before, self.aimed = self.aimed, place
 
@@ -220,7 +216,7 @@ class ViewMotion:
         self._fresh = PATIENCE
         self._reach += (min(length, self.longest) - self._reach) / _MEMORY
 
-    def ahead(self, frames: int) -> tuple[Array, float]:
+    def ahead(self, frames: int) -> tuple[np.ndarray, float]:
         """``(2,)`` metres that the view moves in so many frames; cells a frame it may be off."""
         if self.velocity is None:
             return np.zeros(2), max(_UNKNOWN, self._reach)

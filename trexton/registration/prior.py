@@ -2,16 +2,13 @@
 which joins the autopilot's attitude, as far as it agrees, with the frame before."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trexton.registration.alignment import Alignment
 from trexton.registration.trust import FloorFix
 from trexton.vision.camera import wrapped
-
-Array = NDArray[Any]
 
 ALL_HEADINGS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
 ALL_HEADINGS.setflags(write=False)
@@ -53,17 +50,17 @@ class Prior:
         Frames since then: more than one where some did not come.
     """
 
-    mean: Array
-    deviation: Array
+    mean: np.ndarray
+    deviation: np.ndarray
     turned: bool
-    tilt: Array | None
+    tilt: np.ndarray | None
     heading: float | None
     height: float | None
-    last: Array | None
+    last: np.ndarray | None
     steps: int
 
     @property
-    def headings(self) -> Array:
+    def headings(self) -> np.ndarray:
         """Headings to search: the measured one, those near the last one, or all; radians."""
         if self.turned:
             return self.mean[5:].copy()
@@ -76,9 +73,9 @@ class Prior:
 class Seen:
     """A shrunken frame, what is expected of its pose, and the view's motion."""
 
-    frame: Array
+    frame: np.ndarray
     prior: Prior
-    moved: Array
+    moved: np.ndarray
     sure: float
 
 
@@ -106,12 +103,12 @@ class TiltError:
         self._squares = np.full(2, self._least)
 
     @property
-    def deviation(self) -> Array:
+    def deviation(self) -> np.ndarray:
         """``(2,)`` radians, of a measured tilt plus `mean`."""
         return np.asarray(np.sqrt(np.maximum(self._squares, self._least) + self._variance))
 
     @property
-    def tilt_bias(self) -> Array | None:
+    def tilt_bias(self) -> np.ndarray | None:
         """``(2,)`` radians, the bias of what is measured, root mean square, with the sign of the
         offset; None unless that is certain and worth a word.
         """
@@ -121,7 +118,7 @@ class TiltError:
         rough = np.maximum(self._squares - self._least, 0)
         return np.copysign(np.sqrt(self.mean**2 + rough), -self.mean)
 
-    def learn(self, measured: Array, seen: Array, variance: Array) -> None:
+    def learn(self, measured: np.ndarray, seen: np.ndarray, variance: np.ndarray) -> None:
         """Learn from a frame that was found.
 
         Parameters
@@ -172,7 +169,7 @@ class PosePrior:
         self._failures = 0  # frames that heading and height found nothing, or none did
 
     def prior(
-        self, attitude: ArrayLike | None, height: float | None, last: Array | None, steps: int = 1
+        self, attitude: ArrayLike | None, height: float | None, last: np.ndarray | None, steps: int
     ) -> Prior:
         """From what was measured with a frame, and the ``(6,)`` pose `steps` before, if found.
 

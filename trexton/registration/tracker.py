@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trexton.registration.alignment import Aligner, Alignment, Candidate
 from trexton.registration.belief import KNOWN, PATIENCE, SURE, CellBelief, ViewMotion, Window
@@ -17,8 +16,6 @@ from trexton.registration.prior import ALL_HEADINGS, PosePrior, Seen
 from trexton.registration.trust import FloorFix, Trust
 from trexton.vision.camera import Camera, MapImage, wrapped
 from trexton.vision.visual_odometry import VisualOdometry
-
-Array = NDArray[Any]
 
 _COARSE = 24  # cells that a frame's footprint is wide
 _MARGIN = 3  # cells searched around what is believed
@@ -74,8 +71,8 @@ class FloorTracker:
         """Forget where the vehicle was."""
         self.odometry.reset()
         self.pose_prior = PosePrior(self.height, self.attitude_sigma, self.height_sigma)
-        self.tilt_bias: Array | None = None  # of the last frame's attitude; see `TiltError`
-        self._pose: Array | None = None  # of the last frame, if it was found
+        self.tilt_bias: np.ndarray | None = None  # of the last frame's attitude; see `TiltError`
+        self._pose: np.ndarray | None = None  # of the last frame, if it was found
         self._view = ViewMotion(self.coarse.ground.cell, _COARSE)
         self._missed = PATIENCE  # frames since the floor was last seen where it should be
         self._gone = 0  # frames that did not come since the last that did
@@ -154,7 +151,7 @@ class FloorTracker:
     def _searches(self) -> bool:
         return self._doubted or self._missed > 0
 
-    def _predict(self, seen: Seen) -> Array:
+    def _predict(self, seen: Seen) -> np.ndarray:
         """Move the belief; returns the ``(2,)`` cells (column, row) that the last pose moved by."""
         height, cell = seen.prior.mean[2], self.coarse.ground.cell
         right, up = seen.moved * height / self.camera.focal / cell
@@ -182,7 +179,7 @@ class FloorTracker:
         self.belief.weigh(np.array(fits), window or (slice(None), slice(None)))
         self.belief.drop_headings()
 
-    def _candidates(self, seen: Seen, moved: Array) -> list[Candidate]:
+    def _candidates(self, seen: Seen, moved: np.ndarray) -> list[Candidate]:
         """Align the frame at the most likely places, and where the last pose moved to."""
         starts, continued = [], -1
         # As long as it is lost, a place is worth a look however little is believed of it.
@@ -209,7 +206,9 @@ class FloorTracker:
             candidates.append(Candidate(place, held, aligned))
         return candidates
 
-    def _settle(self, seen: Seen, moved: Array, going: Array | None) -> tuple[FloorFix, Alignment]:
+    def _settle(
+        self, seen: Seen, moved: np.ndarray, going: np.ndarray | None
+    ) -> tuple[FloorFix, Alignment]:
         """Weigh the candidates by how well they fit once aligned, and take the best."""
         candidates = self._candidates(seen, moved)
         scores = np.array([each.aligned.score for each in candidates])
@@ -245,7 +244,7 @@ class FloorTracker:
         sigma = self.trust.heading_sigma(best.covariance, self.height) if alone else np.nan
         return FloorFix(best.pose, covariance, best.score, lost, True, sigma), best
 
-    def _coast(self, fix: FloorFix, moved: Array, seen: Seen) -> FloorFix:
+    def _coast(self, fix: FloorFix, moved: np.ndarray, seen: Seen) -> FloorFix:
         """The floor was not recognized, `fix` is lost: move the last pose on, soon lost."""
         self._missed = min(self._missed + 1, PATIENCE)
         last = self._last
@@ -263,7 +262,7 @@ class FloorTracker:
         lost = last.lost or seen.sure < _CERTAIN
         return replace(fix, pose=self._pose, covariance=wider, lost=lost)
 
-    def _remember(self, fix: FloorFix, going: Array | None) -> FloorFix:
+    def _remember(self, fix: FloorFix, going: np.ndarray | None) -> FloorFix:
         """The floor was recognized at `fix`; while that is in doubt, odometry says better where."""
         if not fix.lost:
             self._view.velocity = None
@@ -272,7 +271,7 @@ class FloorTracker:
         self._pose, self._missed = fix.pose, 0
         return fix if going is None or not fix.lost else replace(fix, pose=going)
 
-    def _moved_on(self, last: FloorFix, moved: Array) -> Array:
+    def _moved_on(self, last: FloorFix, moved: np.ndarray) -> np.ndarray:
         """The pose of the last fix, so many cells on."""
         return last.pose + np.pad(moved * (1, -1) * self.coarse.ground.cell, (0, 4))
 

@@ -2,14 +2,11 @@
 a flight."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trexton.base.errors import MapError
 
-Array = NDArray[Any]
 PHOTOGRAPHS_S = 0.5  # from frame to frame: so far apart, none follows from the one before
 _REGION, _QUANTILE = 0.9, 4.605  # the region that must hold, and its chi-squared bound in the plane
 _RIGHT = 0.25  # of the height: a fix further off is a wrong place and says nothing about precision
@@ -40,7 +37,7 @@ class Trust:
     scale: float = 2.0
     floor: float = 4e-6
 
-    def gain(self, correlation: Array, pixels: Array | float) -> Array:
+    def gain(self, correlation: np.ndarray, pixels: np.ndarray | float) -> np.ndarray:
         """Log likelihood of a frame that correlates so, against one that does not at all.
 
         The noise is Gaussian, the image's gain, offset and noise have their most likely values, and
@@ -49,11 +46,11 @@ class Trust:
         squared = np.square(np.clip(correlation, 0, 0.995))
         return np.asarray(-0.5 * pixels * np.log1p(-squared))
 
-    def covariance(self, aligned: Array) -> Array:
+    def covariance(self, aligned: np.ndarray) -> np.ndarray:
         """``(2, 2)`` of an alignment's position, from its ``(6, 6)`` covariance."""
         return np.asarray(self.scale * aligned[:2, :2] + self.floor * np.eye(2))
 
-    def heading_sigma(self, aligned: Array, height: float) -> float:
+    def heading_sigma(self, aligned: np.ndarray, height: float) -> float:
         """Standard deviation in radians of the yaw of an alignment at such a height, in metres."""
         return float(np.sqrt(self.scale * aligned[5, 5] + self.floor / height**2 + _YAW_SIGMA**2))
 
@@ -78,20 +75,20 @@ class FloorFix:
         Standard deviation of the yaw in radians; NaN where no frame shows it by itself.
     """
 
-    pose: Array
-    covariance: Array
+    pose: np.ndarray
+    covariance: np.ndarray
     score: float
     lost: bool
     observed: bool
     heading_sigma: float = np.nan
 
     @property
-    def position(self) -> Array:
+    def position(self) -> np.ndarray:
         """``(2,)`` x, y in metres."""
         return self.pose[:2]
 
 
-def learn_trust(fixes: list[FloorFix], truth: Array, height: float, trust: Trust) -> Trust:
+def learn_trust(fixes: list[FloorFix], truth: np.ndarray, height: float, trust: Trust) -> Trust:
     """The trust under which the 90 % regions of a flight's fixes hold 90 % of its true positions.
 
     Scale and floor are the most likely ones of Gaussian errors, then scaled to hold the region.
@@ -137,11 +134,11 @@ def learn_trust(fixes: list[FloorFix], truth: Array, height: float, trust: Trust
     )
 
 
-def _determinant(matrices: Array) -> Array:
+def _determinant(matrices: np.ndarray) -> np.ndarray:
     return np.asarray(matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] ** 2)
 
 
-def _distance(matrices: Array, error: Array) -> Array:
+def _distance(matrices: np.ndarray, error: np.ndarray) -> np.ndarray:
     """Squared Mahalanobis distances of ``(N, 2)`` errors under ``(..., N, 2, 2)`` covariances."""
     x, y = error.T
     a, b, c = matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]
