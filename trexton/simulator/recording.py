@@ -8,7 +8,6 @@ from itertools import chain, cycle
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from trexton.base.errors import ParameterError
@@ -23,7 +22,7 @@ from trexton.simulator.floor import Floor, Light
 from trexton.simulator.sensor import Effects
 from trexton.simulator.simulator import PERIOD, Moment, Simulator
 from trexton.vision.camera import Camera
-from trexton.vision.images import yuv_from_bgr
+from trexton.vision.images import decode_image
 from trexton.vision.threads import ahead
 
 # pattern: number of frames (the paper's), seed, speed in m/s, light, name of the split
@@ -172,8 +171,7 @@ class _InMemory(ImageFiles):
     """Images whose `files` are the bytes of what would be written."""
 
     def __getitem__(self, row: int) -> np.ndarray:
-        coded = np.frombuffer(self.files[row], np.uint8)  # type: ignore[call-overload]
-        return yuv_from_bgr(np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR)))
+        return decode_image(self.files[row])  # type: ignore[arg-type]
 
 
 def _fly(

@@ -11,7 +11,7 @@ import numpy as np
 
 from trexton.base.options import Options, option
 from trexton.vision.camera import Camera
-from trexton.vision.images import yuv_from_bgr
+from trexton.vision.images import decode_image, yuv_from_bgr
 from trexton.vision.kernels import compiled
 
 _ONE = 12  # fractional bits of gains
@@ -126,6 +126,5 @@ class Sensor:
     def deliver(self, frame: np.ndarray) -> np.ndarray:
         """A developed frame as Y, U, V, exactly as it is read back from the file of `encode`."""
         if self._effects.jpeg:
-            coded = np.frombuffer(self.encode(frame)[0], np.uint8)
-            return yuv_from_bgr(np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR)))
+            return decode_image(self.encode(frame)[0])
         return yuv_from_bgr(cv2.cvtColor(frame, cv2.COLOR_YCrCb2BGR))
