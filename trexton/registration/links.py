@@ -21,6 +21,7 @@ from trexton.vision.threads import ahead
 Matched = tuple[np.ndarray, np.ndarray]  # a homography and the points that agree with it
 Linked = tuple[tuple[int, int], np.ndarray, np.ndarray]  # the same with its pair of frames
 
+_NEIGHBORS = 6  # most spatial neighbours that a frame is matched with, beside its successors
 _LEAST_OVERLAP = 0.08  # of a frame's area
 _NEAREST = 9  # photographs that one is matched with by position, itself among them
 _APART = 0.2  # of a frame's width along the path: nearer spatial neighbours say the same
@@ -93,7 +94,6 @@ def spatial_links(
     keypoints: list[Keypoints],
     poses: np.ndarray,
     camera: Camera,
-    count: int,
     reach: float,
     linked: set[tuple[int, int]],
     photographs: bool,
@@ -102,8 +102,6 @@ def spatial_links(
 
     Parameters
     ----------
-    count : int
-        Most partners looked for, for each frame.
     reach : float
         Of a frame's width: how far a keypoint may be from where the poses put it.
     linked : set of pairs
@@ -123,7 +121,7 @@ def spatial_links(
     if photographs:
         ends = np.array(sorted(linked)).ravel()
         known = binary_dilation(np.bincount(ends, minlength=len(poses)) > 0)
-    pairs = _spatial_pairs(poses, camera, count, known, 0.0 if photographs else 1.0)
+    pairs = _spatial_pairs(poses, camera, known, 0.0 if photographs else 1.0)
     links = _all_links(revisit, sorted(pairs - linked), "linking passes")
     linked.update(pair for pair, _, _ in links)
     return _as_links(links, camera)
@@ -140,10 +138,10 @@ def nearby_links(keypoints: list[Keypoints], position: np.ndarray, camera: Camer
 
 
 def _spatial_pairs(
-    poses: np.ndarray, camera: Camera, count: int, known: np.ndarray, apart: float
+    poses: np.ndarray, camera: Camera, known: np.ndarray, apart: float
 ) -> set[tuple[int, int]]:
-    """For each `known` frame, ``(N,) bool``, up to `count` others, by overlap, spread along the
-    path and over `apart` footprints along it from the frame.
+    """For each `known` frame, ``(N,) bool``, up to `_NEIGHBORS` others, by overlap, spread along
+    the path and over `apart` footprints along it from the frame.
     """
     seen = float(np.median(poses[:, 2])) / camera.focal * np.array([camera.width, camera.height])
     path = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
@@ -159,7 +157,7 @@ def _spatial_pairs(
         overlap *= known & known[row]
         taken: list[int] = []
         for other in np.argsort(-overlap, kind="stable"):
-            if overlap[other] < _LEAST_OVERLAP or len(taken) == count:
+            if overlap[other] < _LEAST_OVERLAP or len(taken) == _NEIGHBORS:
                 break
             if not taken or np.abs(path[taken] - path[other]).min() > _APART * seen.max():
                 taken.append(int(other))

@@ -38,7 +38,6 @@ from trexton.vision.threads import ahead
 
 # Of a frame's width: how far off the layout may be each time spatial neighbours are looked for.
 _REACHES = (0.2, 0.05)
-_NEIGHBORS = 6  # most spatial neighbours that a frame is matched with, beside its successors
 # Scale and most keypoints; the second where the first leaves out too many frames, as of photographs
 # taken high up and far apart.
 _SEARCHES: tuple[tuple[float, int], ...] = ((0.5, 600), (1.0, 2000))
@@ -168,7 +167,7 @@ def _stitched(flight: Flight, camera: Camera, anchors: int, scale: float, keypoi
             agreeing = _agreeing(poses, links, held, focal)
             links, rejected = links[agreeing], rejected + int((~agreeing).sum())
             linked = set(map(tuple, links.pairs.tolist()))
-        links += spatial_links(described, poses, camera, _NEIGHBORS, reach, linked, photographs)
+        links += spatial_links(described, poses, camera, reach, linked, photographs)
         poses = adjust(poses, links, held, focal, widths=(8, 4, 2))
     # Drop the links that contradict the others, adjust once more.
     agreeing = _agreeing(poses, links, held, focal)
