@@ -49,9 +49,8 @@ def adjust(
     The loss is as wide as each of `widths` in turn, in pixels: wide first, so that a poor start is
     not taken for wrong links.
     """
-    height = float(np.median(poses[:, _HEIGHT]))
-    problem = _Problem(links, anchors, focal, len(poses), height)
-    poses = poses / ([height] * 3 + [1] * 5)  # in typical heights from here on
+    problem = _Problem(links, anchors, focal, poses)
+    poses = poses / problem.scale  # in typical heights from here on
     for width in widths:
         damping, cost = 1e-6, problem.cost(poses, width)
         for _ in range(_ITERATIONS):
@@ -67,16 +66,15 @@ def adjust(
             if gain < _GAIN:
                 break
     # The last bits depend on the linear algebra library; no result should.
-    return np.round(poses, 9) * ([height] * 3 + [1] * 5)
+    return np.round(poses, 9) * problem.scale
 
 
 def left_out(poses: np.ndarray, links: Links, anchors: Anchors, focal: float) -> np.ndarray:
     """``(A, 2)`` metres to each anchor from where its frame would be without it, linearized about
     `poses`, which `adjust` found.
     """
-    height = float(np.median(poses[:, _HEIGHT]))
-    problem = _Problem(links, anchors, focal, len(poses), height)
-    normal, _ = problem.linearized(poses / ([height] * 3 + [1] * 5), _WIDTH)
+    problem = _Problem(links, anchors, focal, poses)
+    normal, _ = problem.linearized(poses / problem.scale, _WIDTH)
     factors = factorized(normal)
     result = anchors.position - poses[anchors.rows, :2]
     for each, row in zip(result, anchors.rows, strict=True):
@@ -113,11 +111,13 @@ def _pixels_per_unit(poses: np.ndarray, links: Links, focal: float) -> np.ndarra
 class _Problem:
     """Cost and normal equations, in typical heights."""
 
-    def __init__(self, links: Links, anchors: Anchors, focal: float, count: int, height: float):
+    def __init__(self, links: Links, anchors: Anchors, focal: float, poses: np.ndarray):
         self.links, self.focal = links, focal
+        height = float(np.median(poses[:, _HEIGHT]))
+        self.scale = [height] * 3 + [1] * 5  # of a pose
         self.sigma = _ANCHOR if anchors.sigma is None else anchors.sigma / height
         in_heights = Anchors(anchors.rows, anchors.position / height)
-        self.hold, self.expected = _holds(count, in_heights, self.sigma)
+        self.hold, self.expected = _holds(len(poses), in_heights, self.sigma)
 
     def cost(self, poses: np.ndarray, width: float) -> float:
         """Cauchy loss of the links, square pixels, plus the holds; infinite below the floor."""
