@@ -12,7 +12,7 @@ import numpy as np
 
 from trexton.base.errors import MapError
 from trexton.base.options import option
-from trexton.localization.base import learned
+from trexton.localization.base import Area, learned
 from trexton.localization.estimate import Estimate, Measurement, nowhere
 from trexton.localization.filters import Filter
 from trexton.localization.lens import camera_of, check_lens, flight_camera, learned_lens, lens_of
@@ -138,9 +138,7 @@ class RunningRegistration:
         From frame to frame, where frames bear no stamps.
     """
 
-    def __init__(
-        self, tracker: FloorTracker, area: tuple[float, float, float, float], period_s: float
-    ):
+    def __init__(self, tracker: FloorTracker, area: Area, period_s: float):
         self.tracker, self._period_s = tracker, period_s
         self._time = 0.0
         self._recent: deque[tuple[float, np.ndarray]] = deque(maxlen=_RECENT)  # when, and where
