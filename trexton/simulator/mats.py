@@ -38,7 +38,7 @@ def grain(
 def polygon(image: np.ndarray, points: ArrayLike, color: np.ndarray) -> None:
     """Fill the polygon of ``(N, 2)`` pixel coordinates with smooth edges."""
     fixed = np.round(np.asarray(points) * 2**_SUBPIXEL).astype(np.int32)
-    cv2.fillPoly(image, [fixed], [float(c) for c in color], cv2.LINE_AA, _SUBPIXEL)
+    cv2.fillPoly(image, [fixed], color.tolist(), cv2.LINE_AA, _SUBPIXEL)
 
 
 def turning(turn: float) -> np.ndarray:
@@ -50,16 +50,14 @@ def _disc(
     image: np.ndarray, center: ArrayLike, radius: float, color: np.ndarray, thickness: int = -1
 ) -> None:
     fixed = [int(round(value * 2**_SUBPIXEL)) for value in (*np.asarray(center), radius)]
-    ink = [float(c) for c in color]
-    cv2.circle(image, fixed[:2], fixed[2], ink, thickness, cv2.LINE_AA, _SUBPIXEL)
+    cv2.circle(image, fixed[:2], fixed[2], color.tolist(), thickness, cv2.LINE_AA, _SUBPIXEL)
 
 
 def line(
     image: np.ndarray, points: ArrayLike, color: np.ndarray, thickness: int, closed: bool = False
 ) -> None:
     fixed = np.round(np.asarray(points) * 2**_SUBPIXEL).astype(np.int32)
-    ink = [float(c) for c in color]
-    cv2.polylines(image, [fixed], closed, ink, thickness, cv2.LINE_AA, _SUBPIXEL)
+    cv2.polylines(image, [fixed], closed, color.tolist(), thickness, cv2.LINE_AA, _SUBPIXEL)
 
 
 def _plain(size: tuple[int, int], color: np.ndarray) -> np.ndarray:

@@ -93,7 +93,7 @@ class Vehicle:
         self._xy, self._velocity = np.array(position, dtype=float), np.zeros(2)
         self._tilt, self._tilt_rate = np.zeros(2), np.zeros(2)
         self._gust, self._jitter = rng.standard_normal(2) * GUST, np.zeros(2)
-        self._time, self._steps = 0.0, 0
+        self._steps = 0
         self._landing = self._landed = False
 
     @property
