@@ -60,10 +60,6 @@ def line(
     cv2.polylines(image, [fixed], closed, color.tolist(), thickness, cv2.LINE_AA, _SUBPIXEL)
 
 
-def _plain(size: tuple[int, int], color: np.ndarray) -> np.ndarray:
-    return np.full((*size, 3), color, np.uint8)
-
-
 def _ring_of(
     center: ArrayLike, radius: float, corners: int, turn: float = 0.0, inner: float = 1.0
 ) -> np.ndarray:
@@ -93,7 +89,7 @@ def tiles(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     """Glazed cement tiles with a star in each; repeats along both axes."""
     side = 92
     navy, white, ochre, teal, brick = bgr("1d3557", "f1faee", "e9a23b", "2a9d8f", "c1440e")
-    tile = _plain((side, side), white)
+    tile = np.full((side, side, 3), white, np.uint8)
     for corner in ((0, 0), (side, 0), (0, side), (side, side)):
         _disc(tile, corner, 36, navy)
         _disc(tile, corner, 25, teal)
@@ -111,7 +107,7 @@ def rug(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     """A knotted rug: a quarter of random ornament, mirrored twice, within a border."""
     height, width = (size[0] + 1) // 2, (size[1] + 1) // 2
     inks = bgr("1b2a49", "e8c07d", "f3e5c3", "38618c", "7a9e7e", "d9622b", "3b0d11")
-    quarter = _plain((height, width), bgr("8c1c2b")[0])
+    quarter = np.full((height, width, 3), bgr("8c1c2b")[0], np.uint8)
     for x, y in _scatter((height, width), 44, rng):
         outer, inner = rng.permutation(len(inks))[:2]
         radius, corners = rng.uniform(10, 24), int(rng.integers(3, 9))
@@ -134,7 +130,7 @@ def rug(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
 
 def town(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     """A play mat: meadows, ponds, trees, houses and winding roads; never repeats."""
-    mat = _plain(size, bgr("7cb85c")[0])
+    mat = np.full((*size, 3), bgr("7cb85c")[0], np.uint8)
     meadow = grain(size, rng, (60.0, 140.0))
     mat[meadow > 0.7] = bgr("a3cf62")[0]
     mat[meadow < -1.0] = bgr("4fa3d1")[0]
@@ -172,7 +168,7 @@ def _house(mat: np.ndarray, center: ArrayLike, roof: np.ndarray, rng: np.random.
 
 def leaves(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     """Fallen leaves on cream cloth; never repeats."""
-    mat = _plain(size, bgr("f6ead7")[0])
+    mat = np.full((*size, 3), bgr("f6ead7")[0], np.uint8)
     inks = bgr("bc4749", "e76f51", "f4a261", "6a994e", "386641", "a98467", "e9c46a", "5e3023")
     for x, y in _scatter(size, 50, rng):
         length, width, turn = rng.uniform(17, 34), rng.uniform(0.25, 0.5), rng.uniform(0, 2 * np.pi)
@@ -188,7 +184,7 @@ def leaves(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
 
 def bauhaus(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     """Bold shapes on a dark ground; never repeats."""
-    mat = _plain(size, bgr("22223b")[0])
+    mat = np.full((*size, 3), bgr("22223b")[0], np.uint8)
     inks = bgr("f72585", "ffb703", "00b4d8", "f1faee", "e63946", "80ed99", "fb8500", "7209b7")
     for x, y in _scatter(size, 88, rng):
         first, second, third = inks[rng.permutation(len(inks))[:3]]
@@ -235,7 +231,7 @@ def puzzle(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
 
 def terrazzo(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     """Stone chips in pale cement; never repeats."""
-    mat = _plain(size, bgr("ece4db")[0])
+    mat = np.full((*size, 3), bgr("ece4db")[0], np.uint8)
     inks = bgr("9d6b53", "355070", "b56576", "6d8a74", "e0a458", "444444", "d8a48f")
     for x, y in _scatter(size, 25, rng):
         corners = int(rng.integers(4, 7))
