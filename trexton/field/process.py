@@ -55,10 +55,9 @@ def blocks_in_time(time: np.ndarray) -> list[Block]:
     blocks = []
     for first, last in zip(edges[:-1], edges[1:], strict=True):
         near = (time >= time[first] - MARGIN_S) & (time <= time[last - 1] + MARGIN_S)
-        near[first:last] = True
         if near.sum() > size // 2:  # a short flight cannot spare its neighbours in time
             near[:] = False
-            near[first:last] = True
+        near[first:last] = True
         blocks.append(Block(np.arange(first, last), np.flatnonzero(near)))
     return blocks
 
