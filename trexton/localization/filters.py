@@ -127,8 +127,6 @@ class ParticleFilter:
         self.resampling = resampling or Wheel()
         self.estimation = estimation or MaximumAPosteriori()
         self.recovery = copy.copy(recovery or NoRecovery())  # it keeps averages of its own
-        self.belief: Belief
-        self.previous: Belief | None
         self.reset()
 
     def reset(self) -> None:
@@ -136,7 +134,7 @@ class ParticleFilter:
         weights = np.full(self.size, 1 / self.size)
         states = self.motion.start(self.rng, self.area, self.size)
         self.belief = Belief(states, weights, np.zeros(self.size))
-        self.previous = None
+        self.previous: Belief | None = None
         self.recovery.reset()
 
     def step(self, observation: Observation | None) -> Belief:
