@@ -8,9 +8,9 @@ import sys
 
 import pytest
 
-from trexton.base.files import scratch_folder
 from trexton.base.progress import shown
 from trexton.cli.main import main
+from trexton.companion.experiments.floors import scratch_folder
 
 
 def test_the_next_scratch_folder_removes_what_a_killed_process_left(tmp_path, monkeypatch):
@@ -56,7 +56,7 @@ def test_a_name_of_two_lines_is_one_line(tmp_path, capsys):
 
 def test_a_verb_that_is_terminated_removes_its_own(tmp_path):
     code = (
-        "import sys, time\nfrom trexton.base.files import scratch_folder\n"
+        "import sys, time\nfrom trexton.companion.experiments.floors import scratch_folder\n"
         "from trexton.cli import check, main\n"
         "def works(arguments):\n"
         "    with scratch_folder('floor'):\n"

@@ -11,7 +11,7 @@ import stat
 import tempfile
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -81,11 +81,6 @@ def work_folder(path: Path) -> Iterator[Path]:
         yield temporary
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-
-
-def scratch_folder(kind: str) -> AbstractContextManager[Path]:
-    """A folder of the system's temporary ones; what a killed process left of this kind goes."""
-    return work_folder(Path(tempfile.gettempdir()) / f"trexton-{kind}")
 
 
 @contextmanager

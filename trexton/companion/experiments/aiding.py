@@ -13,12 +13,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from trexton.base.defaults import SAMPLES, TEXTONS
-from trexton.base.files import scratch_folder
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.evaluation import frames_of
-from trexton.companion.experiments.floors import FloorParameters, mean_over_floors
+from trexton.companion.experiments.floors import FloorParameters, mean_over_floors, scratch_folder
 from trexton.companion.experiments.style import errors_by_row
 from trexton.companion.experiments.track import Track, fly
 from trexton.companion.wording import distance, middle, number

@@ -3,14 +3,18 @@ over several.
 """
 
 import re
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from trexton.base.errors import ParameterError
+from trexton.base.files import work_folder
 from trexton.base.options import option
 from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SeedParameters
@@ -110,3 +114,8 @@ def lent_floor(flight: Flight) -> tuple[Floor, Camera, float]:
         )
     height = 1.0 if flight.height is None else float(np.nanmean(flight.height))
     return Floor(flight.floor), flight.camera, height
+
+
+def scratch_folder(kind: str) -> AbstractContextManager[Path]:
+    """A folder of the system's temporary ones; what a killed process left of this kind goes."""
+    return work_folder(Path(tempfile.gettempdir()) / f"trexton-{kind}")

@@ -16,13 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from trexton.base.defaults import SAMPLES
-from trexton.base.files import scratch_folder
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import map_of
-from trexton.companion.experiments.floors import FloorParameters, painted_floor
+from trexton.companion.experiments.floors import FloorParameters, painted_floor, scratch_folder
 from trexton.companion.experiments.landings import (
     ATTITUDE,
     Attempt,
