@@ -32,9 +32,14 @@ def ardupilot_log(rows: int = 20) -> bytes:
     return text
 
 
-def px4_log(rows: int = 20, reference: Callable[[int], tuple[float, float]] | None = None) -> bytes:
+def px4_log(
+    rows: int = 20,
+    reference: Callable[[int], tuple[float, float]] | None = None,
+    turn: tuple[float, ...] = (),
+) -> bytes:
     """A ULog: head, format, subscription, rows, the first without a position. Of each row
-    `reference` gives the latitude, and metres to the north by which it moves what is logged.
+    `reference` gives the latitude, and metres to the north by which it moves what is logged; `turn`
+    is the attitude's w, x, y, z, if any is logged.
     """
     columns = "uint64_t timestamp;double ref_lat;double ref_lon;"
     columns += "float x;float y;float z;float heading;bool xy_valid;"
@@ -44,12 +49,17 @@ def px4_log(rows: int = 20, reference: Callable[[int], tuple[float, float]] | No
 
     text = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
     text += message("F", f"vehicle_local_position:{columns}".encode())
+    text += message("F", b"vehicle_attitude:uint64_t timestamp;float[4] q;")
     text += message("A", struct.pack("<BH", 0, 1) + b"vehicle_local_position")
     for i in range(rows):
         latitude, moved = reference(i) if reference else (47.0, 0.0)
         place = (i + moved, 2.0, -10.0)
         row = struct.pack("<QddffffB", 10**5 * i, latitude, 8.0, *place, np.pi / 2, i > 0)
         text += message("D", struct.pack("<H", 1) + row)
+    if turn:
+        text += message("A", struct.pack("<BH", 0, 2) + b"vehicle_attitude")
+        for i in range(rows):
+            text += message("D", struct.pack("<HQffff", 2, 10**5 * i + 10**4, *turn))
     return text
 
 

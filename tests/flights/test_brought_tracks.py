@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import small_flight
+from scipy.spatial.transform import Rotation
 from small_logs import ardupilot_log, dataflash, px4_log, subtitles
 from small_recording import film
 from test_import import picture
@@ -195,8 +196,12 @@ def test_a_log_of_px4(tmp_path):
     (tmp_path / "a.ulg").write_bytes(px4_log())
     track, _ = read_track(tmp_path / "a.ulg", TrackColumns())
     np.testing.assert_allclose(track.position, [[2, i, 10] for i in range(1, 20)])
-    np.testing.assert_allclose(track.attitude[:, 2], -np.pi / 2, atol=1e-6)
+    np.testing.assert_allclose(track.attitude, [[np.nan, np.nan, -np.pi / 2]] * 19, atol=1e-6)
     assert track.origin == (47.0, 8.0) and track.time_ns[0] == N // 10
+    x, y, z, w = Rotation.from_euler("ZYX", (90, 5, -3), degrees=True).as_quat()
+    (tmp_path / "a.ulg").write_bytes(px4_log(turn=(w, x, y, z)))
+    track, _ = read_track(tmp_path / "a.ulg", TrackColumns())
+    np.testing.assert_allclose(np.degrees(track.attitude), [[-3, 5, -90]] * 19, atol=1e-4)
 
 
 def test_quaternions_are_ordered_by_their_names(tmp_path):

@@ -112,6 +112,9 @@ def test_a_repair_of_angles_leaves_those_that_are_radians(kind):
     mixed = np.column_stack([flight.attitude[:, :2], degrees[:, 2]])
     (doubt,) = warnings(replace(flight, attitude=mixed))
     assert "degrees?" in doubt and doubt.done == "yaw read as degrees"
+    alone = degrees * (np.nan, np.nan, 1)
+    (doubt,) = warnings(replace(flight, attitude=alone))
+    assert "degrees?" in doubt and doubt.done == "yaw read as degrees"
     again = doubt.mend(replace(flight, attitude=mixed))
     np.testing.assert_allclose(again.attitude, flight.attitude, atol=1e-9)
     late = np.where(np.arange(400)[:, None] > 250, degrees, flight.attitude)

@@ -141,12 +141,13 @@ def _heights(flight: Flight) -> Iterator[str]:
 def _angles(flight: Flight) -> Iterator[str]:
     if flight.attitude is None:
         return
-    rows = np.flatnonzero(np.isfinite(flight.attitude).all(axis=1))
-    largest = np.abs(flight.attitude[rows]).max(axis=1, initial=0)
+    rows = np.flatnonzero(np.isfinite(flight.attitude[:, 2]))
+    angles = np.abs(np.nan_to_num(flight.attitude[rows]))  # the yaw may be known without the tilt
+    largest = angles.max(axis=1, initial=0)
     far = largest > axes.MAX_ANGLE
     if far.any():
         # In radians half of a flight is near to level: else roll and pitch are in degrees, too.
-        tilted = np.median(np.abs(flight.attitude[rows, :2]).max(axis=1)) > MAX_TILT
+        tilted = np.median(angles[:, :2].max(axis=1)) > MAX_TILT
         factors = np.where((tilted, tilted, True), np.pi / 180, 1.0)
         # Some rows may be in radians, none of which is above 3.2; or all in hundredths of degrees.
         sure = far.mean() > 0.7 or (largest[~far] > 3.2).mean() > 0.2

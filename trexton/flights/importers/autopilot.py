@@ -133,9 +133,9 @@ def _px4(path: Path) -> PoseTrack | None:
     with redirect_stdout(io.StringIO()), reading(path, "log", "copy it again"):
         from pyulog import ULog
 
-        log = ULog(_Finite(path), ["vehicle_local_position"])
-        data: dict[str, Any] = next((each.data for each in log.data_list), {})
-        if not data:
+        log = ULog(_Finite(path), ["vehicle_local_position", "vehicle_attitude"])
+        logged: dict[str, Any] = {each.name: each.data for each in reversed(log.data_list)}
+        if not (data := logged.get("vehicle_local_position")):
             return None
         good = np.asarray(data["xy_valid"], dtype=bool)
         stamps = np.asarray(data["timestamp"], dtype=np.int64)[good]
@@ -144,13 +144,24 @@ def _px4(path: Path) -> PoseTrack | None:
             np.asarray(data[name], dtype=float)[good]
             for name in ("x", "y", "z", "ref_lat", "ref_lon")
         )
+        tilt = _px4_tilt(stamps, logged.get("vehicle_attitude"))
     place, origin = np.column_stack([east, north, -down]), None
     if len(known := np.flatnonzero(np.isfinite(latitude + longitude) & (latitude != 0))):
         degrees = (np.interp(stamps, stamps[known], each[known]) for each in (latitude, longitude))
         moved, origin = local_metres(*degrees)  # the reference may be set anew in flight
         place[:, :2] += moved
-    angles = np.column_stack([0 * heading, 0 * heading, -heading])
-    return PoseTrack(stamps * 1000, place, angles, origin)
+    return PoseTrack(stamps * 1000, place, np.column_stack([tilt, -heading]), origin)
+
+
+def _px4_tilt(stamps: np.ndarray, data: dict[str, Any] | None) -> np.ndarray:
+    """``(N, 2)`` roll and pitch at microseconds; NaN where none was logged."""
+    if not data:
+        return np.full((len(stamps), 2), np.nan)
+    w, x, y, z = (np.asarray(data[f"q[{part}]"], dtype=float) for part in range(4))
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
+    angles = (np.unwrap(roll), pitch)
+    return np.column_stack([np.interp(stamps, data["timestamp"], each) for each in angles])
 
 
 _READERS = {".bin": _ardupilot, ".srt": _subtitles, ".ulg": _px4}

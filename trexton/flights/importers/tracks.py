@@ -71,7 +71,7 @@ class TrackColumns(Options):
             if re.match(r"(?i)heading|course|azimuth|compass", self.yaw):
                 said.append(f"{found} taken as anticlockwise: of a compass? put - before its name")
             yaw = np.radians(yaw) if degrees else yaw
-            track = replace(track, attitude=np.column_stack([np.zeros((len(yaw), 2)), yaw]))
+            track = replace(track, attitude=np.column_stack([np.full((len(yaw), 2), np.nan), yaw]))
         track, order = track.ordered(where, lines)
         return track, said + order
 
