@@ -70,18 +70,9 @@ def resolve(kind: str, name: str, table: Mapping[str, str], *, imports: bool = T
 
 
 def import_plugins(modules: str | None = None) -> None:
-    """Import modules of a person's own, so that what their maps name is found.
-
-    Parameters
-    ----------
-    modules : str, optional
-        Names with commas between, beside those of ``$TREXTON_PLUGINS``. Processes that this one
-        starts import them too.
-
-    Raises
-    ------
-    ParameterError
-        A module is missing.
+    """Import modules of a person's own, so that what their maps name is found: `modules`, with
+    commas between, and those of ``$TREXTON_PLUGINS``. Processes that this one starts import them
+    too. Raises `ParameterError` where one is missing.
     """
     wanted = [*os.environ.get(PLUGINS, "").split(","), *(modules or "").split(",")]
     os.environ[PLUGINS] = ",".join(dict.fromkeys(filter(None, wanted)))

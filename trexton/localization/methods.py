@@ -82,16 +82,8 @@ METHODS: dict[str, dict[str, Any]] = {
 def compose(method: str, choices: Mapping[str, object] | None = None) -> dict[str, Part]:
     """The parts of a method by role, before they have learned anything.
 
-    Parameters
-    ----------
-    method : str
-    choices : mapping, optional
-        Replace what the method says, see `changed`.
-
-    Raises
-    ------
-    ParameterError
-        There is no such method, or a choice does not fit.
+    `choices` replace what the method says, see `changed`, which raises the same `ParameterError`
+    as where there is no such method.
     """
     if method not in METHODS:
         raise ParameterError(f"method {method!r} is unknown: choose one of {', '.join(METHODS)}")
@@ -142,17 +134,8 @@ def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[st
 def fitting(parts: Mapping[str, Part], chosen: Iterable[str] = ()) -> dict[str, Part]:
     """Those of the parts that are read: by the localizer, by the filter, or by a part that is.
 
-    Parameters
-    ----------
-    parts : mapping of role to Part
-    chosen : iterable of str
-        ``role`` or ``role.option``, chosen by a person: these must be read.
-
-    Raises
-    ------
-    ParameterError
-        A part lacks one that it needs, was given one that it cannot read, or a chosen one is read
-        by none.
+    Raises `ParameterError` where a part lacks one that it needs, was given one that it cannot read,
+    or where none reads a ``role`` or ``role.option`` that a person has `chosen`.
     """
     if "filter" not in parts:
         raise ParameterError("filter is missing: a method needs one")

@@ -41,18 +41,8 @@ class MotionModel(Part):
         raise NotImplementedError
 
     def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Log of sum_j p(x_i | x_j a frame before) w_j, up to a shared constant.
-
-        Parameters
-        ----------
-        states : (M, D) array
-            x_i.
-        previous, weights : (N, D), (N,) arrays
-            x_j, and w_j, which sum to one.
-
-        Returns
-        -------
-        (M,) array
+        """``(M,)`` log of sum_j p(x_i | x_j a frame before) w_j, up to a shared constant: of
+        ``(M, D)`` `states` x_i, ``(N, D)`` `previous` x_j and their ``(N,)`` `weights` w_j.
         """
         raise NotImplementedError
 
