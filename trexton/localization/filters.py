@@ -106,8 +106,10 @@ class ParticleFilter:
 
     Attributes
     ----------
-    belief, previous : Belief
-        After the latest step, and before it; None where there was none.
+    belief : Belief
+        After the latest step; before the first, particles uniform over the area.
+    previous : Belief or None
+        Before that step, where there was one.
     """
 
     def __init__(

@@ -31,7 +31,7 @@ class Training:
     Attributes
     ----------
     histograms : (N, K) array
-        Relative texton frequencies, full sampling.
+        Relative texton frequencies, full sampling; or other features, as the flight has them.
     positions : (N, 2) array
         Metres.
     time : (N,) array

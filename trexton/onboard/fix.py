@@ -39,7 +39,7 @@ class Fix:
     covariance : (2, 2) array
         Of the error of `position`, square metres.
     lost : bool
-        The localizer does not trust its position, its uncertainty spans most of the area, or
+        The localizer does not trust its position, its 90 % region would cover half of the area, or
         another hypothesis has not lasted long enough.
     observed : bool
         An image went into this report; otherwise the filter only predicted.

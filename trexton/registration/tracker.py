@@ -35,8 +35,13 @@ class FloorTracker:
 
     Parameters
     ----------
+    picture : MapImage
+    camera : Camera
+        Of the frames.
     height : float
         Usual height of the camera in metres; cells and resolutions follow from it.
+    trust : Trust, optional
+        How good a fix is, by what was learned; else by the defaults.
     attitude_sigma, height_sigma : float
         Standard deviations of the attitude (radians) and the height (metres) that `step` is given.
     alone : bool

@@ -27,6 +27,8 @@ class Simulator:
     ----------
     floor : Floor or None
         None is the painted hall.
+    camera, effects, light : Camera, Effects, Light
+        The lens, what sensor and flight do to its pictures, and what shines on the floor.
     start : (2,) array or None
         First position in metres; the floor's middle unless given.
     height, speed : float
