@@ -20,10 +20,9 @@ from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
 from trexton.onboard.build import build
-from trexton.onboard.intake import Grabber
+from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Settings
-from trexton.onboard.sources import Frame, open_source
-from trexton.onboard.tally import Tally
+from trexton.onboard.sources import open_source
 from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera, Rectification
 from trexton.vision.images import yuv_from_bgr
@@ -103,6 +102,14 @@ def test_a_raw_picture_becomes_what_was_imported(place, imported):
     assert np.abs(mine - written).mean() < 2.5  # of the JPEG that was written
 
 
+def fly(place, path, pictures, *outputs):
+    """Over a camera of these pictures, which is none of a flight's."""
+    words = {Flying: Flying(camera=str(place / "flight"))}
+    built, camera = build(Settings(str(path), outputs, (), words)), Film(pictures)
+    camera.rectification = SMALL
+    return Onboard(built.localizer, camera, built.sinks, tally=built.tally)
+
+
 def test_a_camera_is_seen_as_it_was_when_the_map_was_made(place, imported, tmp_path):
     """Raw pictures lead to the places that imported ones lead to; before, each was of a wrong
     size."""
@@ -110,12 +117,9 @@ def test_a_camera_is_seen_as_it_was_when_the_map_was_made(place, imported, tmp_p
     path, table = save_map(texton_map, tmp_path / "map.npz"), tmp_path / "raw.csv"
     words = {Flying: Flying(camera="/dev/video0")}
     assert build(Settings(str(path), (), (), words)).source.rectification == SMALL
-    words = {Flying: Flying(camera=str(place / "flight"))}
-    onboard = build(Settings(str(path), (f"csv:{table}",), (), words))
     files = sorted((place / "images").glob("*.png"))
-    onboard.source = Film([yuv_from_bgr(cv2.imread(str(file))) for file in files])
-    onboard.source.rectification = SMALL
-    onboard.run(threading.Event())
+    raw = [yuv_from_bgr(cv2.imread(str(file))) for file in files]
+    fly(place, path, raw, f"csv:{table}").run(threading.Event())
     rows = np.genfromtxt(table, delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert (rows["observed"] == 1).all()
     localizer = Localizer(texton_map, rng=np.random.default_rng(2))
@@ -125,22 +129,24 @@ def test_a_camera_is_seen_as_it_was_when_the_map_was_made(place, imported, tmp_p
     assert off[0] < 1.3 * off[1] + 0.05
 
 
-def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(place, imported):
+def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(
+    place, imported, tmp_path, capsys
+):
+    """A camera that gives the map's size has its lens still, and its frames show other places."""
     texton_map = train_map(imported, n_textons=8, rng=np.random.default_rng(1))
-    frame = Frame(0.0, np.zeros((192, 256, 3), np.uint8))
-
-    def picture(frame):
-        source = Film([frame.picture])
-        source.rectification = SMALL
-        return Grabber(source, Tally()).next(0).picture
-
-    assert picture(frame).shape == (84, 112, 3)
-    for other in (None, np.zeros((84, 112, 3), np.uint8), np.zeros(8)):
-        assert picture(replace(frame, picture=other)) is other
+    path = save_map(texton_map, tmp_path / "map.npz")
+    raw = yuv_from_bgr(cv2.imread(str(place / "images" / "007.png")))
+    onboard = fly(place, path, [raw, imported.image(7)])
+    seen = []
+    onboard.source.watch = seen.append
+    summary = onboard.run(threading.Event())
+    assert [frame.picture.shape for frame in seen] == [(84, 112, 3)] * 2
+    assert summary["observed"] == 1 and summary["faults"] == {"size": 1}
+    assert "frames of 112x84, and a map of 256x192: set the camera" in capsys.readouterr().err
     assert open_source(str(place / "flight")).rectified
     assert not open_source("/dev/video0").rectified
     with pytest.raises(ImageError, match="apply the map's rectification"):
-        Localizer(texton_map, rng=np.random.default_rng(2)).step(frame.picture)
+        Localizer(texton_map, rng=np.random.default_rng(2)).step(raw)
 
 
 def test_images_of_another_size_than_it_makes_train_no_map_that_cannot_be_read(imported):

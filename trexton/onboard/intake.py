@@ -62,15 +62,8 @@ class Grabber:
         return frame and self._decoded(frame)
 
     def _decoded(self, frame: Frame) -> Frame:
-        """Decoded, stamped with when it was taken, seen as the map's images were."""
-        source = self._source
-        frame = source.decoded(frame).shifted(-source.delay)
-        picture, made = frame.picture, source.rectification
-        if made is not None and picture is not None and picture.shape[1::-1] == made.source:
-            frame = replace(frame, picture=made.apply(picture))
-        if source.watch is not None:
-            source.watch(frame)
-        return frame
+        """Decoded, stamped with when it was taken."""
+        return self._source.decoded(frame).shifted(-self._source.delay)
 
     def close(self) -> None:
         """Stop; a source that hangs in its driver is left to end with the process."""

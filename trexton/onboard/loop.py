@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,8 @@ class Onboard:
         self._period = 1 / rate if rate else self._model_period
         self._fix_period = self._period if source.live else self._model_period
         self.aids = Aids(aiding, sinks)
-        self._inspector = Inspector(localizer.map.image_shape)
+        made = source.rectification  # of a camera's images, which are checked as they come
+        self._inspector = Inspector(made.source[::-1] if made else localizer.map.image_shape)
         self._continuity = Continuity(localizer.parts["motion"].growth, self._fix_period)
         self.status = Status(tally, sinks, self.commander, warnings)
         self._observed_at = -np.inf
@@ -138,7 +140,12 @@ class Onboard:
                 stamp = max(stamp, self._fix.time + MIN_STAMP_STEP)
         self._number = self.tally["frames"] if frame.number is None else frame.number
         self.tally.count("frames")
-        fault = "corrupt" if frame.picture is None else self._inspector.check(frame.picture)
+        picture, made = frame.picture, self.source.rectification
+        fault = "corrupt" if picture is None else self._inspector.check(picture)
+        if made is not None and picture is not None and fault is None and picture.ndim > 1:
+            frame = replace(frame, picture=made.apply(picture))
+        if self.source.watch is not None:
+            self.source.watch(frame)
         aiding = self.aids.of(frame, captured if self.source.live else stamp)
         estimate, fault = self._step(frame.picture, fault, aiding, stamp)
         if estimate.observed:
@@ -168,7 +175,7 @@ class Onboard:
                 if not self.tally[fault]:
                     say(f"trexton onboard: {error}")
         elif fault == "size" and picture is not None and not self.tally[fault]:
-            shapes = picture.shape[:2], self.localizer.map.image_shape or (0, 0)
+            shapes = picture.shape[:2], self._inspector.shape or (0, 0)
             came, own = (f"{columns}x{rows}" for rows, columns in shapes)
             say(f"trexton onboard: frames of {came}, and a map of {own}: set the camera to that")
         self.tally.count(fault)

@@ -84,7 +84,7 @@ class Source(Edge, ABC):
 
     live = True
     rectified = False  # whether its images are already as those the map was learned from
-    rectification: Rectification | None = None  # made to images of its size
+    rectification: Rectification | None = None  # made to its images, once they are checked
     delay = 0.0  # seconds by which a live one's frames are old when they arrive
     gives: str | None = None  # "images" or "histograms", where that is known beforehand
     flight: Flight | None = None  # that is played, if any
