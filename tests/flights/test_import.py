@@ -194,8 +194,10 @@ def test_photographs_with_exif(tmp_path):
     assert flight.image(3).shape == (48, 64, 3)
 
 
-def write_bag(path, container="SQLITE3", packed=None):
-    """`packed` is what is compressed: STORAGE (of MCAP), MESSAGE or FILE."""
+def write_bag(path, container="SQLITE3", packed=None, behind=0):
+    """`packed` is what is compressed: STORAGE (of MCAP), MESSAGE or FILE; the clock of positions is
+    `behind` by so many nanoseconds.
+    """
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -224,7 +226,7 @@ def write_bag(path, container="SQLITE3", packed=None):
             )
             writer.write(image, now, store.serialize_cdr(message, "sensor_msgs/msg/Image"))
             pose = types["geometry_msgs/msg/PoseStamped"](
-                header=header(now),
+                header=header(now - behind),
                 pose=types["geometry_msgs/msg/Pose"](
                     position=types["geometry_msgs/msg/Point"](x=float(i), y=2.0, z=1.0),
                     orientation=types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0),

@@ -103,16 +103,8 @@ def cached(
 
     Of processes that ask for the same at once, one computes it and the others wait.
 
-    Parameters
-    ----------
-    kind : str
-        A word that names the file, for people.
-    module : str
-        The module whose code (with all it imports from this package) makes the result.
-    inputs : dict
-        JSON values: parameters and data hashes.
-    compute : callable
-        Makes a dict of arrays; called only on a miss.
+    `kind` is a word that names the file, for people; `module` the one whose code, with all that it
+    imports from this package, makes the result; `inputs` are JSON values, parameters and hashes.
     """
     key = digest(kind, inputs, code_hashes(module), software_versions())
     path = cache_folder() / f"{kind}-{key[:24]}.npz"

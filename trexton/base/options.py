@@ -62,17 +62,8 @@ def option(
 def whole(value: object, what: str, low: int = 1, high: int | None = None) -> int:
     """A count as an int, NumPy's integers among them.
 
-    Parameters
-    ----------
-    what : str
-        Names it in the error.
-    low, high : int
-        The smallest and the largest that will do; None is without end.
-
-    Raises
-    ------
-    ParameterError
-        It is no whole number, or out of range.
+    Raises `ParameterError`, in which `what` names it, where it is no whole number or below `low` or
+    above `high`.
     """
     if isinstance(value, SupportsIndex) and not isinstance(value, bool):
         number = value.__index__()

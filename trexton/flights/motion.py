@@ -73,10 +73,17 @@ def motion_doubts(flight: Flight, rows: np.ndarray, seen: tuple[np.ndarray, ...]
         return  # too little
     place = flight.position @ (1, 1j)
 
-    def fit(late: float = 0.0, there: np.ndarray = place) -> tuple[float, complex]:
-        """The share of the variance of places that the way turned and scaled leaves, and these."""
-        to = np.interp(flight.time[rows] + late, flight.time, there, np.nan, np.nan)
-        known = np.isfinite(to)
+    def at(late: float, there: np.ndarray = place) -> np.ndarray:
+        return np.interp(flight.time[rows] + late, flight.time, there, np.nan, np.nan)
+
+    def fit(
+        late: float = 0.0, there: np.ndarray = place, other: float = 0.0
+    ) -> tuple[float, complex]:
+        """The share of the variance of places that the way turned and scaled leaves, and these, of
+        the rows that have a place so late, and at the `other` time.
+        """
+        to = at(late, there)
+        known = np.isfinite(to + at(other))
         if known.mean() < KNOWN:
             return np.inf, 1 + 0j
         to, gone = to[known] - to[known].mean(), way[known] - way[known].mean()
@@ -86,7 +93,8 @@ def motion_doubts(flight: Flight, rows: np.ndarray, seen: tuple[np.ndarray, ...]
     (share, scale), (mirrored, _) = fit(), fit(there=place.conj())
     good, most = min(FITS, share / BETTER), min(LAGS, np.ptp(flight.time) / 4)
     late = min(STEP * np.arange(-most // STEP, most // STEP), key=lambda each: fit(each)[0])
-    if abs(late) > LATE and fit(late)[0] < min(SURELY, good, mirrored):
+    now, then = fit(other=late)[0] / BETTER, fit(late)[0]  # of the same rows
+    if abs(late) > LATE and then < min(SURELY, good, now, mirrored):
         yield UNLIKE.format(f"is one clock ahead of the other, --offset {-late:.1f}")
     elif share > FITS and mirrored < good:
         yield UNLIKE.format("is x exchanged with y, or one of them counted the other way")

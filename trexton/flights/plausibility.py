@@ -151,6 +151,8 @@ def _angles(flight: Flight) -> Iterator[str]:
         factors = np.where((tilted, tilted, True), np.pi / 180, 1.0)
         # Some rows may be in radians, none of which is above 3.2; or all in hundredths of degrees.
         sure = far.mean() > 0.7 or (largest[~far] > 3.2).mean() > 0.2
+        yaw = flight.attitude[rows, 2]  # counted on through turns it comes from within two
+        sure &= np.ptp(yaw) <= axes.MAX_ANGLE or far[0] or bool((np.abs(np.diff(yaw)) > 5).any())
         yield Doubt(
             f"{far.sum()} of {len(rows)} attitudes hold an angle of up to {largest.max():.4g} rad "
             f"(first: frame {_first(flight, rows, far)}): degrees? write radians",

@@ -92,18 +92,10 @@ def compose(method: str, choices: Mapping[str, object] | None = None) -> dict[st
 
 
 def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[str, Part]:
-    """The parts that `choices` make other than they are, not yet trained.
+    """The parts that `choices` make other than they are, not yet trained: of a ``role`` a part or
+    its name, of a ``role.option`` a value.
 
-    Parameters
-    ----------
-    parts : mapping of role to Part
-    choices : mapping
-        ``role``: a part, or its name; ``role.option``: a value.
-
-    Raises
-    ------
-    ParameterError
-        A role, part or option is unknown, a value or a part does not fit, or nothing reads it.
+    Raises `ParameterError` where one is unknown, does not fit, or where nothing reads it.
     """
     result: dict[str, Part] = {}
     options: dict[str, dict[str, object]] = {}

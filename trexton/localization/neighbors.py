@@ -178,22 +178,10 @@ class NearestHistograms:
 def neighbors_in_flight(
     nearest: NearestHistograms, histograms: np.ndarray, time: np.ndarray, k: int, excluded_s: float
 ) -> np.ndarray:
-    """``(N, k)`` rows of the nearest histograms of each frame, itself and its neighbours in time
-    left out.
+    """``(N, k)`` rows of the nearest of the ``(N, K)`` histograms, over which `nearest` searches.
 
-    Parameters
-    ----------
-    nearest : NearestHistograms
-        Over the same ``(N, K)`` histograms.
-    time : (N,) array
-        Seconds, rising.
-    excluded_s : float
-        Frames at most so far away in time are left out; at 0 only the frame itself.
-
-    Raises
-    ------
-    MapError
-        Some frame has fewer than k others outside the excluded time.
+    Left out are frames at most `excluded_s` seconds away in the rising `time`; at 0 only the frame
+    itself. Raises `MapError` where some frame has fewer than k others.
     """
     reach = excluded_s + 1e-9  # stamps are multiples of a period
     first = np.searchsorted(time, time - reach, side="left")

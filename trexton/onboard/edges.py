@@ -33,30 +33,15 @@ class Edge:
 
     @classmethod
     def make(cls, address: str, options: Any, around: Any) -> Edge:
-        """The edge at `address`, not yet opened.
-
-        Parameters
-        ----------
-        address : str
-            What was typed after the kind and its colon.
-        options : Options
-            Of its class of options.
-        around : object
-            What it may need to know beside them.
+        """The edge at `address`, what was typed after the kind and its colon, not yet opened;
+        `around` holds what it may need to know beside its options.
         """
         raise NotImplementedError(f"{cls.__name__} is made by hand, not by an address")
 
 
 def edge_at(kind: str, address: str, table: Mapping[str, str]) -> tuple[Any, str, str] | None:
-    """The class that ``NAME:REST`` or ``module:Class:REST`` names, that name, and the rest.
-
-    None where it names no class.
-
-    Parameters
-    ----------
-    kind : {"sinks", "sources"}
-    table : mapping of str to str
-        The library's own.
+    """The class that ``NAME:REST`` or ``module:Class:REST`` names, that name, and the rest; None
+    where it names no class. `kind` is ``sinks`` or ``sources``, and `table` the library's own.
     """
     name, _, rest = address.partition(":")
     if name in table or name in addresses(kind, table):

@@ -52,7 +52,9 @@ def _described(content: Mapping[str, Any], camera_name: str) -> tuple[Camera, np
     if "camera_matrix" in content:
         (fx, _, cx), (_, fy, cy), _ = _matrix(content["camera_matrix"])
         width, height = int(content["image_width"]), int(content["image_height"])
-        distortion = _matrix(content["distortion_coefficients"]).ravel()
+        radial = content.get("distortion_model", _RADIAL[0]) in (*_RADIAL, "rational_polynomial")
+        radial &= not content.get("fisheye_model")
+        distortion = _matrix(content["distortion_coefficients"]).ravel() * radial
         return Camera(width, height, float(fx + fy) / 2, (float(cx), float(cy))), distortion
     if "cam0" in content or camera_name in content:  # Kalibr's, in the words of ASL
         content = content[camera_name]

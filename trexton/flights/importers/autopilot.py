@@ -14,7 +14,13 @@ import numpy as np
 from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.flights.importers.mocap import UNITS
-from trexton.flights.importers.recording import PoseTrack, local_metres, nanoseconds, reading
+from trexton.flights.importers.recording import (
+    PoseTrack,
+    local_metres,
+    nanoseconds,
+    on_globe,
+    reading,
+)
 
 # Messages of ArduPilot that hold a position, the best first, or an attitude, and their parts.
 _MESSAGES = {
@@ -49,6 +55,8 @@ def _earthly(rows: np.ndarray, attitude: np.ndarray | None = None) -> PoseTrack 
     fixed = np.abs(rows[:, 1:3]).max(axis=1, initial=0) > 1e-6
     if not fixed.any():
         return None
+    globe = on_globe(rows[:, 1:3])  # before a fix, some tell where they were last
+    fixed &= np.linalg.norm(globe - np.median(globe[fixed], axis=0), axis=1) < 100
     metres, origin = local_metres(*rows[fixed, 1:3].T)
     turned = None if attitude is None else attitude[fixed]
     stamps = nanoseconds(rows[fixed, 0])

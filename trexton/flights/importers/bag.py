@@ -26,6 +26,7 @@ from trexton.flights.importers.recording import NANO, PoseTrack, Recording, read
 from trexton.flights.importers.tracks import pose_track
 
 MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacked
+MOST_AHEAD = 0.5  # seconds, of one clock: what a message of one kind travels longer than another
 MOST_TIMES = 1000  # the size of the file: more is not unpacked of it on one way through
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 # where the place and the attitude of each kind of message are
@@ -97,6 +98,11 @@ def read(source: Path, settings: Settings) -> Recording:
     clock = int(any(not each.all() or 2 * len(np.unique(each)) < len(each) for each in stamps))
     if clock:
         said.append(f"{source}: headers without a stamp: messages are taken at the bag's own times")
+    elif len(rows) and len(numbers):
+        ahead = float(np.median(shot[0] - shot[1]) - np.median(posed[:, 0] - posed[:, 1])) / NANO
+        if abs(ahead) > MOST_AHEAD:
+            found = f"by the bag's times headers of images are {ahead:.2f} s ahead of positions'"
+            said.append(f"{source}: {found}: two clocks? --offset {ahead:.2f} joins them")
     where, lines = f"{source}, {poses}", range(1, len(rows) + 1)
     placed = PoseTrack(posed[:, clock], values[:, :3])
     track, taken = pose_track(placed, values[:, 3:], settings.axes, where, lines)
@@ -233,6 +239,10 @@ def _decoded(where: str, message: tuple[int, int, Any]) -> np.ndarray:
         if image is None or (found := damage(data)):
             why = item.format if image is None else found
             raise FlightError(f"{where} cannot be decoded ({why})")
+        packed, _, how = item.format.lower().partition(";")
+        mosaic = _ENCODINGS[packed][2] if packed in _ENCODINGS and "bayer" in packed else None
+        if mosaic is not None and "bgr" not in how:  # as the sensor has it
+            return cv2.cvtColor(image[..., :1].copy(), mosaic)
         return image
     if item.encoding.lower() not in _ENCODINGS:
         raise FlightError(f"{where} is in {item.encoding!r}: expected {', '.join(_ENCODINGS)}")

@@ -209,7 +209,9 @@ class Features:
     def read(source: Path, settings: Settings) -> Recording:
         """The recording of a table of features, a row a frame."""
         table, known = read_table(source), list[str]()
-        stamps = (np.arange(len(table)) * NANO / settings.rate).astype(np.int64)
+        numbered = "frame" in table.header  # rows may be left out
+        counted = table.numbers("frame", False) if numbered else np.arange(len(table))
+        stamps = (counted * NANO / settings.rate).astype(np.int64)
         times = [name for name in table.header if _TIMES.match(name)]
         if time := settings.time or next(iter(times), ""):
             stamps = replace(settings, time=time).stamps(table, known)

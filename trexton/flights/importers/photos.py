@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.base.errors import FlightError
+from trexton.base.errors import FlightError, ParameterError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
@@ -89,6 +89,10 @@ def read(source: Path, settings: Settings) -> Recording:
         track, words = log.ordered(str(path))
         words += missing_zones(shots, 0)
         stamps = _stamps(shots)
+        if settings.ground is not None:
+            raise ParameterError(f"{path.name} tells heights, not altitudes: leave --ground out")
+        if not np.any(stamps % NANO):
+            words.append("photographs tell whole seconds: their places may lie a second behind")
     elif settings.positions and (posed := _read_reconstruction(path)) is not None:
         names, poses, words = posed
         rows = _by_name(path, names, files)
@@ -96,6 +100,9 @@ def read(source: Path, settings: Settings) -> Recording:
         words += _left_out("photographs without a position", len(files) - len(known))
         stamps = _stamps({file: shots[file] for file in known})
         track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
+        if track.origin or settings.ground is not None:  # else heights are as it was aligned
+            track.position[:, 2], more = _heights(track.position[:, 2], settings.ground)
+            words += more
     else:
         shots = _from_table(path, shots, said) if named else shots
         known, words = _located(source, path if named else None, files, shots)
@@ -150,18 +157,23 @@ def _track(shots: list[Shot], ground: float | None) -> tuple[PoseTrack, list[str
     """
     place, origin = local_metres(*np.array([(shot.latitude, shot.longitude) for shot in shots]).T)
     altitude = np.array([shot.altitude for shot in shots])
-    height, said = np.array([shot.height for shot in shots]), []
-    if ground is not None:
-        height = altitude - ground
-    elif np.isfinite(height).any():
-        said = ["heights are those above the place of take-off, as XMP tells them"]
-    elif np.isfinite(altitude).any():
-        sea = f"altitudes (about {np.nanmedian(altitude):.0f} m) are above the sea, not the floor"
-        said = [f"{sea}: heights left out; give --ground METRES, the altitude of the floor"]
+    height = np.array([shot.height for shot in shots])
+    said = ["heights are those above the place of take-off, as XMP tells them"]
+    if ground is not None or not np.isfinite(height).any():
+        height, said = _heights(altitude, ground)
     attitude = np.array([shot.attitude for shot in shots], dtype=float)
     stamps = _by_the_second([shot.time_ns for shot in shots])
     known = attitude if np.isfinite(attitude).any() else None
     return PoseTrack(stamps, np.column_stack([place, height]), known, origin), said
+
+
+def _heights(altitude: np.ndarray, ground: float | None) -> tuple[np.ndarray, list[str]]:
+    """``(N,)`` heights above the floor, NaN where its altitude is not known; what to know."""
+    if ground is not None or not np.isfinite(altitude).any():
+        return altitude - (ground or 0.0), []
+    sea = f"altitudes (about {np.nanmedian(altitude):.0f} m) are above the sea, not the floor"
+    said = f"{sea}: heights left out; give --ground METRES, the altitude of the floor"
+    return np.full(len(altitude), np.nan), [said]
 
 
 def _without_bands(files: list[Path], shots: dict[Path, Shot]) -> tuple[list[Path], list[str]]:
@@ -288,6 +300,7 @@ def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] |
         # Both tell how the world is turned and moved to the camera (right, down, ahead).
         to_world = Rotation.from_quat(np.array(turns, dtype=float)).inv()
         centres = -to_world.apply(np.array(shifts, dtype=float))
+        centres[:, 2] += place.get("altitude", 0.0) if origin else 0.0
     except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
         raise FlightError(f"{path}: not a reconstruction that can be read ({error})") from None
     attitude = attitude_from_quaternions(to_world.as_quat(), AXES["camera"])

@@ -60,6 +60,8 @@ def read(source: Path, settings: Settings) -> Recording:
         said.append(f"never heard, always {settings.floor:g}: {', '.join(silent)}")
     if (least := value.min()) < settings.floor:
         said.append(f"not heard is {settings.floor:g}, louder than {least:g}: give a lower --floor")
+    if np.median(value) < 0 <= (most := value.max()):
+        said.append(f"values of {most:g} among those in dB: not heard? leave these rows out")
     name, kinds = f"log {source.name}", tuple(sources)
     return Recording(stamps, track, None, values, "signals", kinds, source=name, said=said)
 
@@ -74,8 +76,9 @@ def _readings(
     places = [table.numbers(axis) if axis in table.header else unknown for axis in "xyz"]
     time = table.numbers("stamp") * (TIMES[settings.time_unit] / NANO)
     names, value = np.array(table.texts("source")), table.numbers("value")
-    good = (np.abs(time) < 9e9) & np.isfinite(value)  # later ones are in another unit
-    said = [f"rows without a value or a stamp, left out: {(~good).sum()}"] * (not good.all())
+    known = np.isfinite(value) & (names != "")
+    good = known & (np.abs(time) < 9e9)  # later ones are in another unit
+    said = [f"rows without a value, source or stamp, left out: {(~good).sum()}"] * (not good.all())
     chosen = chosen_names(settings.names)
     if others := sorted({*names[good]} - {*chosen}) if chosen else []:
         said.append(f"sources that --names leaves out: {', '.join(others)}")

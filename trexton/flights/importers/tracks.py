@@ -51,6 +51,9 @@ class TrackColumns(Options):
         if parts := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
             if sorted(name[-1].lower() for name in parts) == list("wxyz") and "-" not in parts[1]:
                 parts.sort(key=lambda name: "xyzw".index(name[-1].lower()))  # as they are called
+            if [re.sub(r"\D", "", name) for name in parts] == list("0123"):  # as in logs of PX4
+                said.append(f"{where}: {parts[0]}, number 0 of the quaternion, is taken as w")
+                parts = parts[1:] + parts[:1]
             if len(parts) not in (4, 9):
                 raise FlightError(f"{where}: quaternion names {len(parts)} columns: expected four")
             turns = np.column_stack([_column(table, name) for name in parts])

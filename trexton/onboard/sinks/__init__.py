@@ -193,21 +193,11 @@ class Guard:
 def open_sink(
     address: str, around: Surroundings, options: Mapping[type[Options], Any] | None = None
 ) -> Sink:
-    """The sink at `address`, not yet opened.
+    """The sink at `address`, not yet opened: ``KIND``, ``KIND:REST``, or ``module:Class:REST`` of
+    one's own. `options` has an object for each class of options that differs from its defaults.
 
-    Parameters
-    ----------
-    address : str
-        ``KIND``, ``KIND:REST``, or ``module:Class:REST`` of a sink of one's own.
-    options : mapping, optional
-        An object for each class of options that differs from its defaults.
-
-    Raises
-    ------
-    ParameterError
-        The kind is unknown, or the address incomplete.
-    ModuleNotFoundError
-        An extra is not installed.
+    Raises `ParameterError` where the kind is unknown or the address incomplete, and
+    `ModuleNotFoundError` where an extra is not installed.
     """
     addressed = edge_at("sinks", address, SINKS)
     if addressed is None:

@@ -1,0 +1,138 @@
+"""What recordings say that an import read otherwise, and said nothing: heights, lenses, clocks."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from conftest import small_flight
+from small_logs import ardupilot_log
+from test_brought_photos import photos
+from test_import import write_bag
+
+from trexton.base.errors import ParameterError
+from trexton.flights.importers import bag
+from trexton.flights.importers.signals import Settings, read
+from trexton.flights.importers.tracks import TrackColumns, read_track
+from trexton.flights.importing import import_flight
+from trexton.flights.plausibility import warnings
+from trexton.vision.calibration import read_calibration
+
+OPENSFM = {"latitude": 47.0, "longitude": 8.0}
+
+
+@pytest.mark.parametrize("reference", [0.0, 400.0])
+def test_altitudes_of_a_reconstruction_are_no_heights(tmp_path, reference):
+    source = photos(tmp_path / "p")
+    up = 432.0 - reference
+    shots = {f"IMG_{i + 7}.jpg": {"rotation": [np.pi, 0, 0], "translation": [-i, 2, up]}
+             for i in range(6)}  # fmt: skip
+    content = [{"shots": shots, "reference_lla": OPENSFM | {"altitude": reference}}]
+    (source / "reconstruction.json").write_text(json.dumps(content))
+    chosen = {"positions": "reconstruction.json"}
+    flight, said = import_flight(source, tmp_path / "a", settings=chosen)
+    assert flight.height is None and any("about 432 m" in line for line in said)
+    flight, _ = import_flight(source, tmp_path / "b", settings=chosen | {"ground": 420.0})
+    np.testing.assert_allclose(flight.height, 12.0)
+
+
+def test_what_is_beside_a_log_is_read_or_refused(tmp_path):
+    source = photos(tmp_path / "p")
+    (tmp_path / "l.bin").write_bytes(ardupilot_log())
+    chosen = {"positions": str(tmp_path / "l.bin")}
+    with pytest.raises(ParameterError, match="heights, not altitudes: leave --ground out"):
+        import_flight(source, tmp_path / "a", settings=chosen | {"ground": 420.0})
+    _, said = import_flight(source, tmp_path / "a", settings=chosen | {"offset": 1.714557599e9})
+    assert any("whole seconds" in line for line in said)
+
+
+@pytest.mark.parametrize("model", ["distortion_model: equidistant", "fisheye_model: 1"])
+def test_a_fisheye_is_not_undone_as_another_lens(tmp_path, model):
+    text = f"image_width: 160\nimage_height: 120\n{model}\n"
+    for name, columns, data in (
+        ("camera_matrix", 3, "100., 0., 79.5, 0., 100., 59.5, 0., 0., 1."),
+        ("distortion_coefficients", 4, "-0.04, 0.008, -0.006, 0.001"),
+    ):
+        rows = 3 if columns == 3 else 1
+        text += f"{name}:\n  rows: {rows}\n  cols: {columns}\n  data: [{data}]\n"
+    for kind, known in ((text, None), (text.replace(model, "distortion_model: plumb_bob"), 4)):
+        (tmp_path / "c.yaml").write_text(kind)
+        _, distortion = read_calibration(tmp_path / "c.yaml")
+        assert (distortion is None) if known is None else len(distortion) == known
+
+
+def test_a_mosaic_that_is_packed_is_in_colour(tmp_path):
+    colour = np.full((48, 64, 3), (40, 133, 200), np.uint8)
+    mosaic = colour[..., 1].copy()
+    mosaic[::2, ::2], mosaic[1::2, 1::2] = 200, 40
+
+    class Item:
+        __msgtype__ = "sensor_msgs/msg/CompressedImage"
+        format = "bayer_rggb8; png compressed "
+        data = np.frombuffer(cv2.imencode(".png", mosaic)[1].tobytes(), np.uint8)
+
+    decoded = bag._decoded("here", (0, 0, Item()))
+    np.testing.assert_allclose(decoded[2:-2, 2:-2].mean(axis=(0, 1)), (40, 133, 200), atol=2)
+    Item.format = "bayer_rggb8; png compressed bgr8"
+    Item.data = np.frombuffer(cv2.imencode(".png", colour)[1].tobytes(), np.uint8)
+    np.testing.assert_array_equal(bag._decoded("here", (0, 0, Item())), colour)
+
+
+def test_headers_of_two_clocks_are_named(tmp_path):
+    for behind, said in ((0, 0), (1_500_000_000, 1)):
+        write_bag(tmp_path / str(behind), behind=behind)
+        known = bag.read(tmp_path / str(behind), bag.Settings()).said
+        named = [line for line in known if "headers of images are 1.50 s ahead" in line]
+        assert len(named) == said and all("--offset 1.50 joins them" in line for line in named)
+
+
+def test_rows_that_are_numbered_may_be_left_out(tmp_path):
+    rows = [f"{i},{i},2,{np.sin(i):.3f},{np.cos(i):.3f}" for i in range(60) if i % 7 != 3]
+    (tmp_path / "f.csv").write_text("frame,x,y,a,b\n" + "\n".join(rows))
+    flight, _ = import_flight(
+        tmp_path / "f.csv", tmp_path / "out", kind="features", settings={"rate": 10.0}
+    )
+    np.testing.assert_allclose(flight.time, flight.position[:, 0] / 10)
+
+
+def test_codes_for_not_heard_and_sources_without_a_name_are_said(tmp_path):
+    rows = [f"{100 + i / 4},{'ab'[i % 2]},{-60 - i % 9}" for i in range(40)]
+    (tmp_path / "l.csv").write_text("\n".join(["stamp,source,value", *rows, "110.1,a,100"]))
+    assert any("values of 100 among" in line for line in read(tmp_path / "l.csv", Settings()).said)
+    (tmp_path / "l.csv").write_text("\n".join(["stamp,source,value", *rows, "110.1,,-70"]))
+    recording = read(tmp_path / "l.csv", Settings())
+    assert recording.names == ("a", "b")
+    assert any("source or stamp, left out: 1" in line for line in recording.said)
+
+
+def test_a_place_of_before_the_first_fix_does_not_turn_the_map(tmp_path):
+    text = ardupilot_log(40)
+    far = ardupilot_log(3).replace((470000000).to_bytes(4, "little"), b"\0\0\0\x1e", 1)
+    assert len(far) == len(ardupilot_log(3)) and far != ardupilot_log(3)
+    tracks = []
+    for content in (text, far + text[len(far) :]):
+        (tmp_path / "l.bin").write_bytes(content)
+        tracks.append(read_track(tmp_path / "l.bin", TrackColumns())[0])
+    assert len(tracks[1].position) == len(tracks[0].position) - 1
+    assert np.hypot(*tracks[1].position[:, :2].T).max() < 100
+
+
+def test_numbered_parts_of_a_quaternion_begin_with_w(tmp_path):
+    half = np.radians(30) / 2
+    rows = [f"{i / 10},{i},0,0,{np.cos(half)},{np.sin(half)},0" for i in range(9)]
+    (tmp_path / "t.csv").write_text("t,x,y,q[0],q[1],q[2],q[3]\n" + "\n".join(rows))
+    names = "q[0],q[1],q[2],q[3]"
+    track, said = read_track(tmp_path / "t.csv", TrackColumns(quaternion=names))
+    np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, 30]] * 9, atol=1e-9)
+    assert any("taken as w" in line for line in said)
+
+
+def test_a_yaw_that_is_counted_on_is_in_radians():
+    flight = small_flight(200)
+    yaw = np.linspace(0, 50, len(flight))
+    attitude = np.column_stack([np.zeros((len(flight), 2)), yaw])
+    doubts = [each for each in warnings(replace(flight, attitude=attitude)) if "degrees?" in each]
+    assert all(each.mend is None for each in doubts)
