@@ -73,28 +73,23 @@ def motion_doubts(flight: Flight, rows: np.ndarray, seen: tuple[np.ndarray, ...]
         return  # too little
     place = flight.position @ (1, 1j)
 
-    def at(late: float, there: np.ndarray = place) -> np.ndarray:
-        return np.interp(flight.time[rows] + late, flight.time, there, np.nan, np.nan)
+    def at(late: float) -> np.ndarray:
+        return np.interp(flight.time[rows] + late, flight.time, place, np.nan, np.nan)
 
-    def fit(
-        late: float = 0.0, there: np.ndarray = place, other: float = 0.0
-    ) -> tuple[float, complex]:
-        """The share of the variance of places that the way turned and scaled leaves, and these, of
-        the rows that have a place so late, and at the `other` time.
-        """
-        to = at(late, there)
-        known = np.isfinite(to + at(other))
+    def fit(to: np.ndarray) -> tuple[float, complex]:
+        """The share of the variance of places that the way turned and scaled leaves, and these."""
+        known = np.isfinite(to)
         if known.mean() < KNOWN:
             return np.inf, 1 + 0j
         to, gone = to[known] - to[known].mean(), way[known] - way[known].mean()
         common, moved = np.vdot(gone, to), max(np.vdot(gone, gone).real, 1e-12)
         return 1 - abs(common) ** 2 / moved / max(np.vdot(to, to).real, 1e-12), common / moved
 
-    (share, scale), (mirrored, _) = fit(), fit(there=place.conj())
+    (share, scale), (mirrored, _) = fit(place[rows]), fit(place[rows].conj())
     good, most = min(FITS, share / BETTER), min(LAGS, np.ptp(flight.time) / 4)
-    late = min(STEP * np.arange(-most // STEP, most // STEP), key=lambda each: fit(each)[0])
-    now, then = fit(other=late)[0] / BETTER, fit(late)[0]  # of the same rows
-    if abs(late) > LATE and then < min(SURELY, good, now, mirrored):
+    late = min(STEP * np.arange(-most // STEP, most // STEP), key=lambda each: fit(at(each))[0])
+    now = np.where(np.isfinite(at(late)), place[rows], np.nan)  # of the rows that are compared then
+    if abs(late) > LATE and fit(at(late))[0] < min(SURELY, good, fit(now)[0] / BETTER, mirrored):
         yield UNLIKE.format(f"is one clock ahead of the other, --offset {-late:.1f}")
     elif share > FITS and mirrored < good:
         yield UNLIKE.format("is x exchanged with y, or one of them counted the other way")

@@ -197,21 +197,16 @@ def with_parts(
 def with_choices(
     texton_map: TextonMap, choices: Mapping[str, object], *, rng: np.random.Generator | None = None
 ) -> TextonMap:
-    """A map with the parts that `choices` name, trained on its own training set.
+    """A map with the parts that `choices` name, trained on its own training set; itself where none
+    is another. Raises `ParameterError` or `MapError` where one is unknown, does not fit, or the map
+    lacks what it learns from.
 
     Parameters
     ----------
-    texton_map : TextonMap
-        Itself where nothing is chosen otherwise.
     choices : mapping
         ``role``: a part, or its name; ``role.option``: a value.
     rng : numpy.random.Generator, optional
         For parts that draw what they learn.
-
-    Raises
-    ------
-    ParameterError, MapError
-        A part or option is unknown or out of range; the map lacks what a part learns from.
     """
     new = changed(texton_map.parts, choices)
     return with_parts(texton_map, new, rng=rng) if new else texton_map

@@ -17,7 +17,7 @@ from trexton.vision.camera import COEFFICIENTS, Camera
 # each, and may overflow the stack.
 MOST_CHARACTERS = 2**17
 # What the radial and tangential model is called; a fisheye's coefficients mean something else.
-_RADIAL = ("radial-tangential", "radtan", "plumb_bob")
+_RADIAL = ("radial-tangential", "radtan", "plumb_bob", "rational_polynomial")
 OPENING, MOST_OPENINGS = "[{<:-?", 10_000
 
 
@@ -52,20 +52,23 @@ def _described(content: Mapping[str, Any], camera_name: str) -> tuple[Camera, np
     if "camera_matrix" in content:
         (fx, _, cx), (_, fy, cy), _ = _matrix(content["camera_matrix"])
         width, height = int(content["image_width"]), int(content["image_height"])
-        radial = content.get("distortion_model", _RADIAL[0]) in (*_RADIAL, "rational_polynomial")
-        radial &= not content.get("fisheye_model")
-        distortion = _matrix(content["distortion_coefficients"]).ravel() * radial
+        distortion = _matrix(content["distortion_coefficients"]).ravel() * _radial(content)
         return Camera(width, height, float(fx + fy) / 2, (float(cx), float(cy))), distortion
     if "cam0" in content or camera_name in content:  # Kalibr's, in the words of ASL
         content = content[camera_name]
         content = {"distortion_coefficients": content.get("distortion_coeffs", []), **content}
     width, height = (int(value) for value in content["resolution"])
     fx, fy, cx, cy = (float(value) for value in content["intrinsics"][-4:])
-    pinhole = content.get("camera_model", "pinhole") == "pinhole"  # others distort otherwise
-    radial = pinhole and content.get("distortion_model", _RADIAL[0]) in _RADIAL
-    given = content.get("distortion_coefficients", []) if radial else []
+    given = content.get("distortion_coefficients", []) if _radial(content) else []
     distortion = np.array(given, dtype=float).ravel()
     return Camera(width, height, (fx + fy) / 2, (cx, cy)), distortion
+
+
+def _radial(content: Mapping[str, Any]) -> bool:
+    """Whether a lens distorts as OpenCV's does; a fisheye, and other models, do otherwise."""
+    pinhole = content.get("camera_model", "pinhole") == "pinhole"
+    known = content.get("distortion_model", _RADIAL[0]) in _RADIAL
+    return pinhole and known and not content.get("fisheye_model")
 
 
 def _matrix(node: Mapping[str, Any]) -> np.ndarray:

@@ -113,9 +113,8 @@ def _build(contents: Contents, html: Path) -> str:
         key = digest(
             {str(path.relative_to(source)): digest(path) for path in staged},
             code_hashes("trexton.companion.build.make"),
-            [
-                digest(path) for path in sorted(Path(trexton.__path__[0]).rglob("*.py"))
-            ],  # docstrings
+            # The page of the library shows docstrings.
+            [digest(path) for path in sorted(Path(trexton.__path__[0]).rglob("*.py"))],
             {name: version(name) for name in _BUILDERS},
         )
         if (html / "index.html").is_file() and stamp.is_file() and stamp.read_text() == key:

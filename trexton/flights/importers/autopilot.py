@@ -18,8 +18,8 @@ from trexton.flights.importers.recording import (
     PoseTrack,
     local_metres,
     nanoseconds,
-    on_globe,
     reading,
+    together,
 )
 
 # Messages of ArduPilot that hold a position, the best first, or an attitude, and their parts.
@@ -55,8 +55,7 @@ def _earthly(rows: np.ndarray, attitude: np.ndarray | None = None) -> PoseTrack 
     fixed = np.abs(rows[:, 1:3]).max(axis=1, initial=0) > 1e-6
     if not fixed.any():
         return None
-    globe = on_globe(rows[:, 1:3])  # before a fix, some tell where they were last
-    fixed &= np.linalg.norm(globe - np.median(globe[fixed], axis=0), axis=1) < 100
+    fixed[fixed] = together(rows[fixed, 1:3])  # before a fix, some tell where they were last
     metres, origin = local_metres(*rows[fixed, 1:3].T)
     turned = None if attitude is None else attitude[fixed]
     stamps = nanoseconds(rows[fixed, 0])
@@ -116,7 +115,7 @@ def _ardupilot(path: Path) -> PoseTrack | None:
     table, attitude = np.array(rows[kind]), None
     if len(angled):
         angles = np.unwrap(np.radians(angled[:, 1:]), axis=0) * (1, 1, -1)
-        attitude = np.column_stack([np.interp(table[:, 0], angled[:, 0], one) for one in angles.T])
+        attitude = _at(table[:, 0], angled[:, 0], angles)
     if "Lat" in _MESSAGES[kind]:
         return _earthly(table, attitude)
     stamps = nanoseconds(table[:, 0])
@@ -152,7 +151,7 @@ def _px4(path: Path) -> PoseTrack | None:
             np.asarray(data[name], dtype=float)[good]
             for name in ("x", "y", "z", "ref_lat", "ref_lon")
         )
-        tilt = _px4_tilt(stamps, logged.get("vehicle_attitude"))
+        tilt = _px4_tilt(stamps, logged.get("vehicle_attitude", {}))
     place, origin = np.column_stack([east, north, -down]), None
     if len(known := np.flatnonzero(np.isfinite(latitude + longitude) & (latitude != 0))):
         degrees = (np.interp(stamps, stamps[known], each[known]) for each in (latitude, longitude))
@@ -161,15 +160,20 @@ def _px4(path: Path) -> PoseTrack | None:
     return PoseTrack(stamps * 1000, place, np.column_stack([tilt, -heading]), origin)
 
 
-def _px4_tilt(stamps: np.ndarray, data: dict[str, Any] | None) -> np.ndarray:
+def _px4_tilt(stamps: np.ndarray, data: dict[str, Any]) -> np.ndarray:
     """``(N, 2)`` roll and pitch at microseconds; NaN where none was logged."""
-    if not data:
+    from scipy.spatial.transform import Rotation
+
+    turns = np.column_stack([data.get(f"q[{part}]", [0.0]) for part in (1, 2, 3, 0)])
+    if not (known := turns.any(axis=1)).any():
         return np.full((len(stamps), 2), np.nan)
-    w, x, y, z = (np.asarray(data[f"q[{part}]"], dtype=float) for part in range(4))
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
-    angles = (np.unwrap(roll), pitch)
-    return np.column_stack([np.interp(stamps, data["timestamp"], each) for each in angles])
+    angles = Rotation.from_quat(turns[known]).as_euler("ZYX")[:, :0:-1]
+    return _at(stamps, data["timestamp"][known], np.unwrap(angles, axis=0))
+
+
+def _at(stamps: np.ndarray, time: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """``(N, K)`` angles at the stamps, of ``(M, K)`` that are counted on."""
+    return np.column_stack([np.interp(stamps, time, each) for each in angles.T])
 
 
 _READERS = {".bin": _ardupilot, ".srt": _subtitles, ".ulg": _px4}

@@ -24,9 +24,11 @@ from trexton.flights.importers.recording import (
     PoseTrack,
     Recording,
     beside,
+    heights_over,
     local_metres,
     on_globe,
     spread,
+    together,
 )
 from trexton.flights.importers.tracks import metres, next_day
 from trexton.flights.tables import is_number, read_table, time_of
@@ -101,7 +103,7 @@ def read(source: Path, settings: Settings) -> Recording:
         stamps = _stamps({file: shots[file] for file in known})
         track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
         if track.origin or settings.ground is not None:  # else heights are as it was aligned
-            track.position[:, 2], more = _heights(track.position[:, 2], settings.ground)
+            track.position[:, 2], more = heights_over(track.position[:, 2], settings.ground)
             words += more
     else:
         shots = _from_table(path, shots, said) if named else shots
@@ -136,9 +138,7 @@ def _located(
         placed = dated
     fixed = [file for file in placed if np.abs(places[file]).max() > 1e-6]
     said += _left_out("photographs without a fix, at 0, 0", len(placed) - len(fixed))
-    globe = on_globe([places[file] for file in fixed] or [(0, 0)])
-    # One projection serves no places that lie farther away.
-    near = np.linalg.norm(globe - np.median(globe, axis=0), axis=1) < 100
+    near = together([places[file] for file in fixed] or [(0, 0)])
     said += _left_out("photographs more than 100 km from the others", int((~near).sum()))
     fixed = [file for file, each in zip(fixed, near, strict=False) if each]
     if len(fixed) < 3:
@@ -160,20 +160,11 @@ def _track(shots: list[Shot], ground: float | None) -> tuple[PoseTrack, list[str
     height = np.array([shot.height for shot in shots])
     said = ["heights are those above the place of take-off, as XMP tells them"]
     if ground is not None or not np.isfinite(height).any():
-        height, said = _heights(altitude, ground)
+        height, said = heights_over(altitude, ground)
     attitude = np.array([shot.attitude for shot in shots], dtype=float)
     stamps = _by_the_second([shot.time_ns for shot in shots])
     known = attitude if np.isfinite(attitude).any() else None
     return PoseTrack(stamps, np.column_stack([place, height]), known, origin), said
-
-
-def _heights(altitude: np.ndarray, ground: float | None) -> tuple[np.ndarray, list[str]]:
-    """``(N,)`` heights above the floor, NaN where its altitude is not known; what to know."""
-    if ground is not None or not np.isfinite(altitude).any():
-        return altitude - (ground or 0.0), []
-    sea = f"altitudes (about {np.nanmedian(altitude):.0f} m) are above the sea, not the floor"
-    said = f"{sea}: heights left out; give --ground METRES, the altitude of the floor"
-    return np.full(len(altitude), np.nan), [said]
 
 
 def _without_bands(files: list[Path], shots: dict[Path, Shot]) -> tuple[list[Path], list[str]]:

@@ -203,6 +203,14 @@ def on_globe(degrees: ArrayLike) -> np.ndarray:
     return 6371 * np.column_stack([across.real, across.imag, np.sin(latitude)])
 
 
+def together(degrees: ArrayLike) -> np.ndarray:
+    """Which of ``(N, 2)`` latitudes, longitudes lie within 100 km of the middle of all: one
+    projection serves no places that lie farther away.
+    """
+    globe = on_globe(degrees)
+    return np.asarray(np.linalg.norm(globe - np.median(globe, axis=0), axis=1) < 100)
+
+
 def local_metres(
     latitude: np.ndarray, longitude: np.ndarray
 ) -> tuple[np.ndarray, tuple[float, float]]:
@@ -221,3 +229,12 @@ def local_metres(
     corner = float(latitude.min()), float(longitude.min())
     plane = Proj(proj="tmerc", lat_0=corner[0], lon_0=corner[1], ellps="WGS84")
     return np.column_stack(plane(longitude, latitude)), corner
+
+
+def heights_over(altitude: np.ndarray, ground: float | None) -> tuple[np.ndarray, list[str]]:
+    """``(N,)`` heights above the floor, NaN where its altitude is not known; what to know."""
+    if ground is not None or not np.isfinite(altitude).any():
+        return altitude - (ground or 0.0), []
+    sea = f"altitudes (about {np.nanmedian(altitude):.0f} m) are above the sea, not the floor"
+    said = f"{sea}: heights left out; give --ground METRES, the altitude of the floor"
+    return np.full(len(altitude), np.nan), [said]
