@@ -197,9 +197,8 @@ def with_parts(
 def with_choices(
     texton_map: TextonMap, choices: Mapping[str, object], *, rng: np.random.Generator | None = None
 ) -> TextonMap:
-    """A map with the parts that `choices` name, trained on its own training set; itself where none
-    is another. Raises `ParameterError` or `MapError` where one is unknown, does not fit, or the map
-    lacks what it learns from.
+    """A map with the parts that `choices` name, trained on its own training set. Raises
+    `ParameterError` or `MapError` where one does not fit, or the map lacks what it learns from.
 
     Parameters
     ----------
