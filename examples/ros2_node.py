@@ -20,6 +20,7 @@ try:
     import rclpy
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     from geometry_msgs.msg import PoseWithCovarianceStamped
+    from rcl_interfaces.msg import ParameterDescriptor
     from rclpy.duration import Duration
     from rclpy.executors import ExternalShutdownException
     from rclpy.lifecycle import Node, TransitionCallbackReturn
@@ -79,7 +80,8 @@ class PositionNode(Node):
     def __init__(self):
         super().__init__("trexton")
         for name, default in PARAMETERS.items():
-            self.declare_parameter(name, default)
+            # Else `heading:=84` is refused, for want of a point.
+            self.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True))
         self.process = self.reader = None
         self.row, self.heard_at, self.count = None, -math.inf, 0
 
@@ -97,9 +99,13 @@ class PositionNode(Node):
         if command:
             # In a session of its own: Ctrl-C is for this node, whose `end` then ends the program
             # once. A second signal would cut it off.
-            self.process = subprocess.Popen(
-                command, stdout=subprocess.PIPE, text=True, start_new_session=True
-            )
+            try:
+                self.process = subprocess.Popen(
+                    command, stdout=subprocess.PIPE, text=True, start_new_session=True
+                )
+            except OSError as error:
+                self.get_logger().error(f"the command cannot be run: {error}")
+                return TransitionCallbackReturn.FAILURE
             stream = self.process.stdout
         if command or self.reader is None:  # of standard input there is one reader, for good
             self.reader = threading.Thread(target=self.read, args=(stream,), daemon=True)
@@ -124,12 +130,18 @@ class PositionNode(Node):
         """End the program that is read from; it closes its log first."""
         if self.process is not None:
             self.process.terminate()
-            self.process.wait(10)
+            try:
+                self.process.wait(10)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
             self.process = None
 
     def read(self, stream):
         for line in stream:
-            row = json.loads(line)
+            try:
+                row = json.loads(line)
+            except ValueError:  # half a line, of a program that was cut off
+                continue
             if "event" not in row:
                 self.row, self.heard_at, self.count = row, time.monotonic(), self.count + 1
             found = pose(row, math.radians(self.value("heading")))

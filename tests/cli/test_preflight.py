@@ -88,6 +88,14 @@ def test_another_size(place, tmp_path):
         checked(spoilt(place, tmp_path, lambda image: image[:64, :64]))
 
 
+def test_a_vehicle_that_takes_no_position(place, every_frame):
+    """It was `ok`: that nothing is answered is no proof that anything is sent."""
+    pytest.importorskip("cflib", reason="the extra 'crazyflie' is not installed")
+    settings = Settings(place[0], ("crazyflie:sea://1",), (), {Flying: Flying(camera=place[1])})
+    (link,) = (each for each in preflight(settings, 60.0) if each.name == "link")
+    assert not link.holds and "took no positions" in link.words
+
+
 def test_no_camera(place, capsys, monkeypatch):
     monkeypatch.setattr(preflight, "__defaults__", (1.0,))  # seconds of waiting in vain
     words = ["onboard", place[0], "--camera", "/dev/video97", "--preflight", "--quiet"]

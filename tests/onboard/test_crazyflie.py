@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import struct
 import sys
+import threading
+import time
 from functools import partial
 
 import numpy as np
@@ -21,7 +23,7 @@ from cflib.crtp.exceptions import WrongUriType  # noqa: E402
 from trexton.base.errors import ParameterError  # noqa: E402
 from trexton.onboard.fix import LocalFrame  # noqa: E402
 from trexton.onboard.sinks import Guard, open_sink  # noqa: E402
-from trexton.onboard.tally import Tally  # noqa: E402
+from trexton.onboard.tally import Tally, flush  # noqa: E402
 
 
 class Air(CRTPDriver):
@@ -79,6 +81,7 @@ def test_positions_and_how_far_they_may_be_off(air):
         if fix.usable and fix.observed:
             assert eventually(partial(was_sent, air, fix.position[0]))
     sink.close()
+    assert eventually(lambda: (air.opened, air.closed) == (1, 1))
     packets = [read(data) for data in air.sent]
     places = [
         struct.unpack("<fff", data) for port, _, data in packets if port == CRTPPort.LOCALIZATION
@@ -93,19 +96,23 @@ def test_positions_and_how_far_they_may_be_off(air):
     )
     # No setpoint: cflib's own way to close a link sends one, of no thrust.
     assert {port for port, _, _ in packets} == {CRTPPort.PARAM, CRTPPort.LOCALIZATION}
-    assert (air.opened, air.closed) == (1, 1)
 
 
 def test_a_radio_that_is_lost_is_counted_and_opened_again(air, capsys):
     tally, now = Tally(), [0.0]
     guard = Guard(open_sink("crazyflie:air://1", surroundings()), tally, lambda: now[0])
     guard.write(make_fix(1.0))
-    air.lost("Too many packets lost")
+    assert eventually(lambda: air.opened == 1)
+    lost = air.lost
+    lost("Too many packets lost")
     guard.write(make_fix(1.1))
-    assert (tally["output"], air.closed) == (1, 1)
+    assert eventually(lambda: (tally["output"], air.closed) == (1, 1))
     now[0] += 2.0
     guard.write(make_fix(1.2))
-    assert air.opened == 2
+    assert eventually(lambda: air.opened == 2)
+    lost("said by the connection of before")
+    guard.write(make_fix(1.3))
+    assert tally["output"] == 1
     guard.close()
 
 
@@ -146,9 +153,37 @@ def test_a_driver_that_fails_while_it_sends_is_opened_again(air, monkeypatch):
 
 
 @pytest.mark.parametrize(("uri", "why"), [("air://none", "Dongle"), ("sea://1", "no driver")])
-def test_no_radio_or_an_address_of_another_kind(air, uri, why):
-    with pytest.raises(OSError, match=why):
-        open_sink(f"crazyflie:{uri}", surroundings()).open()
+def test_no_radio_or_an_address_of_another_kind(air, uri, why, capsys):
+    """It is said, and tried again after pauses that grow: a connection that fails is none."""
+    tally, now = Tally(), [0.0]
+    guard = Guard(open_sink(f"crazyflie:{uri}", surroundings()), tally, lambda: now[0])
+    for pause in (1, 2, 4):
+        guard.write(make_fix(1.0))
+        assert eventually(lambda: guard.sink._why)
+        guard.write(make_fix(1.1))
+        flush()
+        said = capsys.readouterr().err
+        assert why in said and f"again in {pause} s" in said
+        now[0] += pause
+    assert tally["output"] == 3
+
+
+def test_a_radio_that_takes_its_time_holds_nothing_up(air, monkeypatch):
+    """Nor does it pass on what it has held back for so long that the vehicle is elsewhere."""
+    connect, go_on = Air.connect, threading.Event()
+    monkeypatch.setattr(Air, "connect", lambda *words: (go_on.wait(60), connect(*words)))
+    monkeypatch.setattr("trexton.onboard.sinks.crazyflie.STALE_AFTER", 0.05)
+    sink = open_sink("crazyflie:air://1", surroundings())
+    sink.open()
+    sink.write(make_fix(1.0, (1.0, 2.0)))
+    time.sleep(0.1)
+    go_on.set()
+    assert eventually(lambda: air.opened == 1)
+    monkeypatch.setattr("trexton.onboard.sinks.crazyflie.STALE_AFTER", 60.0)
+    sink.write(make_fix(1.1, (1.0, 3.0)))
+    assert eventually(lambda: len(air.sent) == 2)
+    assert struct.pack("<f", 3.0) in air.sent[-1]
+    sink.close()
 
 
 def test_an_address_without_uri_and_a_package_that_is_missing(monkeypatch):

@@ -122,6 +122,17 @@ class TestOverUdp:
         finally:
             sink.close()
 
+    def test_messages_are_numbered(self, peer):
+        """By their gaps an autopilot counts what was lost on the way: it counted nearly all."""
+        sink = open_sink(f"udpout:127.0.0.1:{peer.port}", surroundings())
+        sink.open()
+        try:
+            assert eventually(lambda: len(peer.of("HEARTBEAT")) > 1)
+            numbers = [message.get_seq() for message in list(peer.received)]
+            assert numbers == list(range(len(numbers)))
+        finally:
+            sink.close()
+
     def test_garbage_on_the_wire_is_skipped(self, peer, rng):
         sink = open_sink(f"udpout:127.0.0.1:{peer.port}", surroundings())
         sink.open()

@@ -278,8 +278,21 @@ class TestAnswers:
         flight.autopilot.answer(0)
         assert flight.fly(5) is State.LANDING
         flight.autopilot.flies = mode | {"landing": False}
-        assert flight.fly(5) is State.ABORTED
-        assert flight.autopilot.confirmations == [0, 1]
+        assert flight.fly(50) is State.ABORTED
+        assert flight.autopilot.confirmations == [0]
+
+    @pytest.mark.parametrize("result", [None, 5, 1])
+    def test_a_pilot_who_ends_a_landing_whose_answer_was_lost_is_not_overruled(self, result):
+        flight = Flight()
+        flight.autopilot.flies = {"mode": 3, "landing": False}
+        flight.fly(3)
+        if result is not None:
+            flight.autopilot.answer(result)
+        flight.autopilot.flies = {"mode": 9, "landing": True}
+        assert flight.fly(5) is State.LANDING
+        flight.autopilot.flies = {"mode": 3, "landing": False}
+        assert flight.fly(60) is State.ABORTED
+        assert flight.autopilot.confirmations == [0]
 
     def test_a_mode_chosen_before_the_answer_is_no_end_of_the_landing(self):
         flight = Flight()

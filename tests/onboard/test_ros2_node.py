@@ -91,7 +91,8 @@ class LifecycleNode:
         self.parameters, self.topics, self.states, self.destroyed = {}, {}, [], []
         self.made.append(self)
 
-    def declare_parameter(self, name, default):
+    def declare_parameter(self, name, default, descriptor):
+        assert descriptor.dynamic_typing
         self.parameters[name] = self.given.get(name, default)
 
     def get_parameter(self, name):
@@ -104,6 +105,9 @@ class LifecycleNode:
 
     def create_timer(self, period, callback):
         return callback
+
+    def get_logger(self):
+        return SimpleNamespace(error=self.states.append)
 
     def get_clock(self):
         return SimpleNamespace(now=lambda: Time(1000.0))
@@ -148,7 +152,9 @@ def ros(monkeypatch):
         "rclpy.duration": {"Duration": SimpleNamespace},
         "rclpy.executors": {"ExternalShutdownException": InterruptedError},
         "rclpy.lifecycle": {"Node": LifecycleNode,
-                            "TransitionCallbackReturn": SimpleNamespace(SUCCESS="success")},
+                            "TransitionCallbackReturn": SimpleNamespace(SUCCESS="success",
+                                                                        FAILURE="failure")},
+        "rcl_interfaces": {}, "rcl_interfaces.msg": {"ParameterDescriptor": SimpleNamespace},
         "geometry_msgs": {}, "diagnostic_msgs": {},
         "geometry_msgs.msg": {"PoseWithCovarianceStamped": Message},
         "diagnostic_msgs.msg": dict.fromkeys(
@@ -170,7 +176,9 @@ def test_a_log_on_standard_input_becomes_stamped_positions(ros, tmp_path, monkey
     now = time.monotonic()
     lines = [row(make_fix(now - 0.5, (1.0, 2.0))), {"event": "status"}]
     lines += [row(make_fix(now, lost=True)), row(make_fix(1e9, (3.0, 4.0), latency=0.25))]
-    monkeypatch.setattr(sys, "stdin", written(tmp_path / "log", *lines).open())
+    log = written(tmp_path / "log", *lines)
+    log.write_text('{"time_s": 3\n' + log.read_text())  # a line that was cut off
+    monkeypatch.setattr(sys, "stdin", log.open())
     ros.given = {"heading": 90.0, "frame_id": "hall"}
     runpy.run_path(EXAMPLE, run_name="__main__")
     (node,) = ros.made
@@ -206,6 +214,28 @@ def test_a_command_is_run_while_the_node_is_active_and_diagnosed(ros, tmp_path):
     node.on_deactivate(None)
     assert process.returncode is not None and node.states == ["active", "inactive"]
     assert node.on_cleanup(None) == node.on_shutdown(None) == "success" and len(node.destroyed) == 3
+
+
+def test_a_command_that_cannot_be_run_is_said(ros):
+    ros.given = {"command": ["/nowhere/trexton"]}
+    node = runpy.run_path(EXAMPLE)["PositionNode"]()
+    node.trigger_configure()
+    assert node.on_activate(None) == "failure" and "/nowhere/trexton" in node.states[-1]
+    node.end()
+
+
+def test_a_command_that_does_not_end_is_killed(ros, monkeypatch):
+    ros.given = {"command": ["sh", "-c", "trap '' TERM; echo {}; while :; do sleep 1; done"]}
+    node = runpy.run_path(EXAMPLE)["PositionNode"]()
+    monkeypatch.setattr(node, "read", lambda stream: setattr(node, "row", stream.readline()))
+    node.trigger_configure()
+    node.trigger_activate()
+    assert eventually(lambda: node.row)
+    process = node.process
+    wait = process.wait
+    monkeypatch.setattr(process, "wait", lambda seconds: wait(0.1))
+    node.end()
+    assert wait(10) == -signal.SIGKILL
 
 
 def test_standard_input_has_one_reader_however_often_the_node_is_activated(ros, monkeypatch):

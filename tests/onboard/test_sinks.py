@@ -166,6 +166,23 @@ def test_what_the_file_held_before_is_moved_aside(tmp_path, kind):
     assert (tmp_path / "positions.2").read_text() == path.read_text() != ""
 
 
+def test_a_link_to_a_file_stays_one_and_a_folder_of_others_is_no_fault(tmp_path, monkeypatch):
+    """An exchange that the folder forbids would have cost the whole log."""
+    there, path = tmp_path / "there", tmp_path / "positions"
+    there.write_text("of yesterday")
+    path.symlink_to(there)
+    write(f"json:{path}")
+    assert path.is_symlink() and (tmp_path / "there.1").read_text() == "of yesterday"
+
+    def refuse(old, new):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(os, "rename", refuse)
+    before = there.read_text()
+    write(f"json:{path}")
+    assert there.read_text().startswith(before) and len(there.read_text()) > len(before)
+
+
 def test_a_reader_that_went_away_or_does_not_read_is_an_error_and_no_wait(monkeypatch):
     reader, writer = os.pipe()
 

@@ -152,7 +152,11 @@ def _of_delay(watched: _Watch) -> Iterator[Check]:
 def _of_links(settings: Settings, onboard: Onboard, now: float) -> Iterator[Check]:
     """What the autopilots had said when the loop ended, at `now`."""
     for guard in onboard.sinks:
-        yield from guard.sink.checks(now)
+        if guard.left_out:
+            words = f"{guard.sink.name} took no positions {guard.left_out} times: see what it said"
+            yield Check("link", False, words)
+        else:
+            yield from guard.sink.checks(now)
     if onboard.sinks:
         heading = settings.of(MapPlacement).heading
         words = "not given: add --heading, 0 where the map's +y points north"

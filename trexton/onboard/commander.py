@@ -188,7 +188,11 @@ class Commander:
                 self._become(State.REFUSED, REASONS.get(result, f"result {result}"))
 
     def _take_landed_state(self) -> None:
-        grounded = self._grounded()
+        grounded, pending = self._grounded(), (State.WATCHING, State.ASKED, State.UNANSWERED)
+        lands = any(lander.phase().get("landing") for lander in self._landers)
+        if lands and self._sent and self.state in pending:  # the answer was lost
+            self._before, self._during = {}, {}
+            self._become(State.LANDING, "by its own word, no answer came")
         if self.state is State.LANDING and any(grounded):
             self._become(State.LANDED, "the autopilot says that it is on the ground")
         elif self.state is State.LANDED and grounded and all(on is False for on in grounded):

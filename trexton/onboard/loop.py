@@ -132,7 +132,7 @@ class Onboard:
         stamp, captured = float(frame.time), arrived  # of NumPy's floats comes no bool
         if self.source.live:
             latest = arrived - self.source.delay
-            if stamp > latest + CLOCK_TOLERANCE or stamp < arrived - MAX_FRAME_AGE:
+            if not arrived - MAX_FRAME_AGE <= stamp <= latest + CLOCK_TOLERANCE:
                 self.tally.count("clock")  # of another clock: nobody knows how old it is
                 stamp = latest
             captured = min(stamp, latest)

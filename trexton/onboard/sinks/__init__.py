@@ -167,7 +167,8 @@ class Guard:
                 self._open = True  # as far as there is something to close
                 self.sink.open()
             act()
-            self._pause = FIRST_PAUSE
+            if now >= self._retry_at + self._pause:  # not at once: a sink may fail only later
+                self._pause = FIRST_PAUSE
         except (OSError, TrextonError) as error:
             self._tally.count("output")
             self.left_out += 1

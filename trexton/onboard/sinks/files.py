@@ -10,6 +10,7 @@ import os
 import select
 import stat
 import sys
+from contextlib import suppress
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -89,7 +90,8 @@ class FileSink(Sink):
             self._opened = os.dup(sys.stdout.fileno())
         else:
             if self._fresh:
-                _move_aside(self.file)
+                with suppress(PermissionError):  # in a folder of others it is added to
+                    _move_aside(os.path.realpath(self.file))
             self._fresh = False
             self._opened = os.open(self.file, _ADDING, 0o644)
         self._regular = stat.S_ISREG(os.fstat(self._opened).st_mode)

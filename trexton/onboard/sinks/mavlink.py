@@ -199,6 +199,7 @@ class MavlinkSink(Sink):
             self._tally.count("withheld", self.speaker.withheld - before)
         for message in due:
             self._link.send(message.pack(self._codec))
+            self._codec.seq = (self._codec.seq + 1) % 256  # by whose gaps losses are counted
             self._tally.count(f"sent {message.get_type()}")
         select.select([self._link.fileno()], [], [], WAIT)
         messages = self._parsed(self._link.receive())
@@ -225,6 +226,7 @@ class MavlinkSink(Sink):
             self._codec.buf, self._codec.buf_index = bytearray(), 0
             self._codec.expected_length = MIN_MESSAGE_BYTES
         parsed = self._codec.parse_buffer(data) or []
-        messages = [message for message in parsed if message.get_type() != "BAD_DATA"]
+        foreign = ("BAD_DATA", "UNKNOWN_")
+        messages = [each for each in parsed if not each.get_type().startswith(foreign)]
         self._unread = 0 if messages else self._unread + len(data)
         return messages

@@ -33,7 +33,7 @@ class StreamSource(Source):
     """
 
     addresses = {
-        "/dev/video0": "a V4L2 camera, asked for the map's size",
+        "/dev/video0": "a V4L2 camera, asked for the size it was surveyed at",
         "rtsp://…, http://…, tcp://…": "a stream, whatever the installed OpenCV opens, live",
         "camera.y4m": "the same through a named pipe, or a GStreamer pipeline",
     }
