@@ -155,3 +155,24 @@ def test_rows_of_another_place_beside_a_dropout_are_named_and_no_others(drop, ro
         place[rows] = place.max(axis=0) + 2 * np.ptp(place, axis=0)
         found = np.concatenate([rows for _, rows, _ in lost_rows(time, place)])
         np.testing.assert_array_equal(found, np.arange(rows.start, rows.stop))
+
+
+@pytest.mark.parametrize("standing", [0.5, 0.9, 0.97, 0.99])
+@pytest.mark.parametrize("noise", [0.0, 0.0003, 0.003])
+@pytest.mark.parametrize("back", [True, False])
+def test_who_stands_long_and_then_flies_is_not_lost(standing, noise, back):
+    """The flown part was left out, as faster than the rest."""
+    rng, flown = np.random.default_rng(5), 120
+    share = np.linspace(0, 1, flown)  # slow at first and at last
+    angle = (3 - 2 * share) * share**2 * (2 * np.pi if back else 3.5)
+    way = np.column_stack([1 - np.cos(angle), np.sin(angle)])
+    ground = round(flown * standing / (1 - standing))
+    before = round(0.7 * ground)
+    position = np.concatenate([np.tile(way[0], (before, 1)), way])
+    position = np.concatenate([position, np.tile(way[-1], (ground - before, 1))]) + 1
+    position += noise * rng.normal(size=position.shape)
+    time = np.arange(len(position)) / 25
+    assert lost_rows(time, position) == []
+    position[before + 20 : before + 26] += 9
+    ((_, rows, sure),) = lost_rows(time, position)
+    assert sure and rows.tolist() == list(range(before + 20, before + 26))

@@ -255,9 +255,8 @@ class TrackFilter:
     def _log_chance(self, evidence: np.ndarray, aided: bool) -> np.ndarray:
         """``(T,)`` log probability of the frame given each hypothesis.
 
-        An outlier supports the place that the last one supported: of what it says for another
-        hypothesis it takes nothing away. Without a velocity a hypothesis that no frame supports
-        soon knows nothing, and outliers are independent.
+        An outlier supports the place that the last one supported, and takes nothing from another's.
+        Without a velocity outliers are independent.
         """
         hypotheses = self.hypotheses
         if not aided:

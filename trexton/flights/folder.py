@@ -19,8 +19,7 @@ from trexton.base.errors import FlightError
 from trexton.flights.flight import Flight, area_around
 from trexton.flights.frames import ImageFiles
 from trexton.flights.header import FARTHEST, read_header
-from trexton.flights.tables import TextTable, read_table
-from trexton.flights.tracking import counted_on
+from trexton.flights.tables import TextTable, counted_on, read_table
 from trexton.vision.camera import Camera, Rectification
 from trexton.vision.histograms import SUM_TOLERANCE
 

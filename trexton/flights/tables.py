@@ -21,6 +21,8 @@ from trexton.base.progress import shown
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}  # metres
 TIMES = {"s": 10**9, "ms": 10**6, "us": 1000, "ns": 1, "d": 86400 * 10**9}  # nanoseconds
+MOST_BACK = 3  # times that a clock is set back: more are rows out of order
+_FEWEST_PLACES = 5  # by which a path is known
 _LATEST = 4_102_444_800 * TIMES["s"]  # the year 2100: stamps since 1970 are of before
 # Date, hour, what follows it, AM or PM, zone: a minute alone may be one of an hour or of nothing.
 _TIME = re.compile(
@@ -227,3 +229,31 @@ def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:
     comma = separator != "," and any("," in cell for column in cells.values() for cell in column)
     decimal = "," if comma else "."
     return TextTable(path, cells, [number for number, _ in table], decimal)
+
+
+def counted_on(time: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps that go on by the usual step where a clock was set back, and the rows where it was:
+    those with an earlier stamp than the row before, if the path is shorter as the rows lie than by
+    their stamps.
+
+    Parameters
+    ----------
+    time : (N,) array
+        In the order of the rows.
+    place : (N, 2) array
+        Metres; NaN where there is none.
+    """
+    back, known = np.flatnonzero(np.diff(time) < 0) + 1, np.isfinite(place).all(axis=1)
+    if not 0 < len(back) <= MOST_BACK or known.sum() < _FEWEST_PLACES:
+        return time, back[:0]
+    place = place[known]
+    steps, by_stamps = (
+        np.hypot(*np.diff(each, axis=0).T)
+        for each in (place, place[np.argsort(time[known], kind="stable")])
+    )
+    if by_stamps.sum() - steps.sum() <= 3 * np.median(steps):
+        return time, back[:0]
+    gaps, time = np.diff(time), time.copy()
+    for row in back:
+        time[row:] += np.median(gaps[gaps > 0]).astype(time.dtype) - gaps[row - 1]
+    return time, back

@@ -24,7 +24,6 @@ SMALLEST = 0.05  # metres: what is nearer is noise
 GAP = 5.0  # times the usual time between rows, from where both sides are judged for themselves
 MOST_PIECES = 1000  # between jumps, back to which a way is looked for
 SET_BACK = "was a clock set back?"  # in what is said of one, for the check to find
-MOST_BACK = 3  # times that a clock is set back: more are rows out of order
 NAMED = 12  # ranges of frames that are told one by one
 
 Lost = tuple[str, np.ndarray, bool]  # in words, the rows, and whether it is sure which they are
@@ -64,7 +63,9 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
     zero, frozen, flown = _parted(time, position, top)
     if 0 < (slow := _slow_top_speed(time, position)) < top / 2:  # many are lost one by one?
         other = _parted(time, position, slow)
-        if _returns(position, other[2], flown & ~other[2]):
+        kept = np.flatnonzero(other[2])
+        alone = np.diff(kept, prepend=-1, append=len(time)).max() <= AROUND
+        if alone and _returns(position, other[2], flown & ~other[2]):
             (zero, frozen, flown), top = other, slow
     jumped = ~(flown | frozen | zero)
     found: list[Lost] = []
@@ -83,34 +84,6 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
         how = "at one place to the last digit while the vehicle flew on"
         found.append((how, rows[frozen], True))
     return found
-
-
-def counted_on(time: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps that go on by the usual step where a clock was set back, and the rows where it was:
-    those with an earlier stamp than the row before, if the path is shorter as the rows lie than by
-    their stamps.
-
-    Parameters
-    ----------
-    time : (N,) array
-        In the order of the rows.
-    place : (N, 2) array
-        Metres; NaN where there is none.
-    """
-    back, known = np.flatnonzero(np.diff(time) < 0) + 1, np.isfinite(place).all(axis=1)
-    if not 0 < len(back) <= MOST_BACK or known.sum() < FEWEST:
-        return time, back[:0]
-    place = place[known]
-    steps, by_stamps = (
-        np.hypot(*np.diff(each, axis=0).T)
-        for each in (place, place[np.argsort(time[known], kind="stable")])
-    )
-    if by_stamps.sum() - steps.sum() <= 3 * np.median(steps):
-        return time, back[:0]
-    gaps, time = np.diff(time), time.copy()
-    for row in back:
-        time[row:] += np.median(gaps[gaps > 0]).astype(time.dtype) - gaps[row - 1]
-    return time, back
 
 
 def _parted(
@@ -168,8 +141,16 @@ def _top_speed(time: np.ndarray, position: np.ndarray) -> float:
     noise = float(np.quantile(_speeds(time, position), 0.6))  # which medians would not show
     if len(time) >= 3 * WINDOW:  # else a row that is lost in a few makes two steps of them
         position, time = _medians(position, WINDOW), time[WINDOW // 2 : -(WINDOW // 2)]
-    speeds = _speeds(time, position)
-    return max(noise, float(np.quantile(_medians(speeds, min(WINDOW, len(speeds))), 0.95)))
+    steps = np.diff(position, axis=0)
+    width = min(WINDOW, len(steps))
+    speeds = _medians(_speeds(time, position), width)
+    top = max(noise, float(np.quantile(speeds, 0.95)))
+    fast = np.flatnonzero(speeds[: -(width // 2) - 1] > JUMP * top)
+    flown = steps[fast + width // 2]
+    bends = steps[fast + width // 2 + 1] - flown
+    if len(fast) < 2 * WINDOW or np.median(np.hypot(*bends.T)) > np.median(np.hypot(*flown.T)) / 2:
+        return top
+    return float(np.quantile(speeds[fast], 0.95))  # it stands nearly always, and flies a way
 
 
 def _speeds(time: np.ndarray, position: np.ndarray, apart: int = 1) -> np.ndarray:

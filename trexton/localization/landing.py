@@ -95,10 +95,8 @@ class TouchdownZone(LandingZone):
 
     Parameters
     ----------
-    center : (2,) array
-        Metres.
-    radius : float
-        r, metres.
+    center, radius, consecutive
+        As of a `LandingZone`.
     drift_s : float
         Seconds of the present velocity that the vehicle drifts while it brakes and comes down.
     time_limit : float
@@ -106,8 +104,6 @@ class TouchdownZone(LandingZone):
     settled_s : float
         Seconds for which no estimate may have been lost, or elsewhere than the one before it
         predicted.
-    consecutive : int
-        Number of estimates in a row that must agree.
 
     Raises
     ------

@@ -159,10 +159,9 @@ class Localizer:
 
         Raises
         ------
-        ImageError, MapError
-            The frame does not fit the map; the filter is left as it was.
-        ParameterError
-            `samples` is no whole number of at least 1; the filter is left as it was.
+        ImageError, MapError, ParameterError
+            The frame does not fit the map, `samples` is no whole number of at least 1, `time` no
+            number; the filter is left as it was.
         """
         if frame is None:
             return self.advance(None, time)
@@ -192,6 +191,8 @@ class Localizer:
         return replace(estimate, observed=True, histogram=histogram, neighbors=neighbors)
 
     def _now(self, time: float | None) -> float:
+        if time is not None and not np.isfinite(time):
+            raise ParameterError(f"time is {time}: expected the frame's in seconds")
         return (self.time or 0.0) + self.map.period_s if time is None else time
 
     def _catch_up(self, observation: Observation | None, time: float | None) -> None:
@@ -221,12 +222,8 @@ class Localizer:
     ) -> Observation:
         """What a frame brings; `samples` were counted for it, None if all were or nobody knows.
 
-        With odometry each frame is seen in relation to the one before: give them in order.
-
-        Raises
-        ------
-        ImageError, MapError
-            The frame does not fit the map.
+        With odometry each frame is seen in relation to the one before: give them in order. Errors
+        are those of `step`.
         """
         self._check(frame)
         now = self._now(time)

@@ -79,10 +79,8 @@ def sampled_histogram(
 
     Raises
     ------
-    ImageError
-        Not an image, or smaller than a patch.
-    ParameterError
-        `n` or `cells` is no whole number of at least 1, or `rng` is no generator.
+    ImageError, ParameterError
+        As `texton_histogram`; also where `n` is less than 1, or `rng` no generator.
     """
     positions = sample_positions(check_image(image).shape, dictionary.patch, n, rng)
     patches = gather_patches(image, positions, dictionary.patch)

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from trexton.base.errors import FlightError, ParameterError
 from trexton.flights.frames import Forward, ImageFiles
-from trexton.flights.tables import TIMES
-from trexton.flights.tracking import SET_BACK, count_of, counted_on
+from trexton.flights.tables import TIMES, counted_on
+from trexton.flights.tracking import SET_BACK, count_of
 from trexton.vision.camera import Camera, wrapped
 
 NANO = TIMES["s"]

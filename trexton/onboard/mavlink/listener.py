@@ -52,8 +52,7 @@ class Listener:
     twins, signs : bool
         Whether two autopilots of its number were heard, and whether it signs its messages.
     boots : int
-        How often the autopilot has started anew while we listened: it has forgotten
-        what it was sent.
+        How often the autopilot has started anew, and forgotten what it was sent.
     """
 
     def __init__(

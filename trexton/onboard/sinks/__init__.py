@@ -55,8 +55,6 @@ class Surroundings:
 
     Attributes
     ----------
-    local : LocalFrame
-        How the map lies on the ground.
     area : (x_min, x_max, y_min, y_max)
         The map's area in metres.
     motion_rate : (2, 2) array
@@ -69,18 +67,16 @@ class Surroundings:
         Centre of the landing zone, metres on the map, where there is one.
     clock : callable
         Seconds, the clock that stamps live frames.
-    kind : str
-        The word before the sink's address.
     """
 
-    local: LocalFrame
+    local: LocalFrame  # how the map lies on the ground
     area: tuple[float, float, float, float]
     motion_rate: np.ndarray
     tally: Tally
     aiding: str = "none"
     target: np.ndarray | None = None
     clock: Callable[[], float] = time.monotonic
-    kind: str = ""
+    kind: str = ""  # the word before the sink's address
     heard: dict[tuple[int, int], None] = field(default_factory=dict)
 
 
