@@ -60,7 +60,7 @@ def test_a_compass_is_asked_about(tmp_path, name, said_so):
         f"t,x,y,{name}\n" + "".join(f"{i},{i},0,90\n" for i in range(9))
     )
     _, said = read_track(tmp_path / "t.csv", TrackColumns(yaw=name))
-    assert any("of a compass? put - before its name" in line for line in said) == said_so
+    assert any("of a compass? give --yaw=-heading_deg" in line for line in said) == said_so
     track, said = read_track(tmp_path / "t.csv", TrackColumns(yaw=f"-{name}"))
     assert not said
     np.testing.assert_allclose(track.attitude[:, 2], -np.pi / 2)

@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 from conftest import small_flight
 from small_logs import ardupilot_log
-from test_brought_photos import photos
-from test_import import write_bag
+from test_brought_photos import photo, photos
+from test_import import picture, write_bag
 
-from trexton.base.errors import ParameterError
+from trexton.base.errors import FlightError, ParameterError
 from trexton.flights.importers import bag
 from trexton.flights.importers.signals import Settings, read
 from trexton.flights.importers.tracks import TrackColumns, read_track
 from trexton.flights.importing import import_flight
 from trexton.flights.plausibility import warnings
+from trexton.flights.tables import read_table
 from trexton.vision.calibration import read_calibration
 
 OPENSFM = {"latitude": 47.0, "longitude": 8.0}
@@ -136,3 +137,88 @@ def test_a_yaw_that_is_counted_on_is_in_radians():
     attitude = np.column_stack([np.zeros((len(flight), 2)), yaw])
     doubts = [each for each in warnings(replace(flight, attitude=attitude)) if "degrees?" in each]
     assert all(each.mend is None for each in doubts)
+
+
+def reconstruction(folder, **more):
+    """Six frames without EXIF, as they are cut out of a video, and their poses."""
+    folder.mkdir()
+    for i in range(6):
+        cv2.imwrite(str(folder / f"IMG_{i + 7}.jpg"), picture(i))
+    shots = {f"IMG_{i + 7}.jpg": {"rotation": [np.pi, 0, 0], "translation": [-i, 0, 10]}
+             for i in range(6)}  # fmt: skip
+    (folder / "reconstruction.json").write_text(json.dumps([{"shots": shots, **more}]))
+    return folder
+
+
+def test_frames_without_a_time_are_not_joined_by_one(tmp_path):
+    source = reconstruction(tmp_path / "p")
+    (tmp_path / "l.bin").write_bytes(ardupilot_log())
+    with pytest.raises(FlightError, match="no time in EXIF"):
+        import_flight(source, tmp_path / "a", settings={"positions": str(tmp_path / "l.bin")})
+    chosen = {"positions": "reconstruction.json"}
+    _, said = import_flight(source, tmp_path / "b", settings=chosen)
+    assert any("taken as one a second" in line for line in said)
+
+
+def test_a_reconstruction_without_gps_lies_nowhere_on_earth(tmp_path):
+    nowhere = {"latitude": 0.0, "longitude": 0.0, "altitude": 0.0}
+    source = reconstruction(tmp_path / "p", reference_lla=nowhere)
+    chosen = {"positions": "reconstruction.json"}
+    flight, said = import_flight(source, tmp_path / "a", settings=chosen)
+    assert flight.origin is None and any("axes are its own" in line for line in said)
+    np.testing.assert_allclose(flight.height, 10)
+
+
+def test_photographs_that_are_turned_for_showing_are_said(tmp_path):
+    from PIL import Image
+
+    source = photos(tmp_path / "p")
+    photo(file := source / "IMG_9.jpg", 2, 47 + 2e-5)
+    with Image.open(file) as image:
+        exif = image.getexif()
+        exif[0x0112] = 3
+        image.save(file, "JPEG", exif=exif)
+    _, said = import_flight(source, tmp_path / "a")
+    assert any("EXIF turns 1 of 6 photographs" in line for line in said)
+
+
+def test_one_image_without_a_stamp_or_of_another_size_costs_that_image_alone(tmp_path):
+    write_bag(tmp_path / "bag", unstamped=[1], small=[0])
+    flight, said = import_flight(tmp_path / "bag", tmp_path / "out")
+    np.testing.assert_allclose(flight.position, [[i, 2] for i in (2, 3, 4)])
+    assert any("no stamp: 1 images, 0 positions" in line for line in said)
+    assert any("another size than most, left out: 1" in line for line in said)
+
+
+def test_an_offset_of_clocks_is_advised_where_it_helps_and_not_where_it_is_given(tmp_path):
+    write_bag(tmp_path / "bag", behind=90 * 10**9)
+    with pytest.raises(FlightError, match="--offset 90.00 joins them"):
+        import_flight(tmp_path / "bag", tmp_path / "a")
+    flight, said = import_flight(tmp_path / "bag", tmp_path / "b", settings={"offset": 90.0})
+    assert len(flight) == 5 and not any("--offset" in line for line in said)
+
+
+def test_a_small_survey_flown_high_is_asked_about_and_not_scaled():
+    flight = small_flight(200)
+    for high, mended in ((90.0, False), (900.0, True)):
+        doubts = list(warnings(replace(flight, height=np.full(len(flight), high))))
+        (doubt,) = (each for each in doubts if "heights in" in each)
+        assert (doubt.mend is not None) == mended
+
+
+def test_tables_of_metashape_are_read_and_other_languages_refused(tmp_path):
+    (tmp_path / "m.csv").write_text(
+        '# CoordinateSystem: GEOGCS["WGS 84",AUTHORITY["EPSG","7030"],AUTHORITY["EPSG","6326"]]\n'
+        "#Label,X/Longitude,Y/Latitude\nIMG_7.jpg,8.0,47.0\n"
+    )
+    assert read_table(tmp_path / "m.csv").header == ["Label", "X/Longitude", "Y/Latitude"]
+    (tmp_path / "m.csv").write_text('<?xml version="1.0"?>\n<document>\n</document>\n')
+    with pytest.raises(FlightError, match="XML or JSON"):
+        read_table(tmp_path / "m.csv")
+
+
+def test_what_is_no_log_is_refused_before_its_reader_tells_of_every_byte(tmp_path, capfd):
+    (tmp_path / "images.bin").write_bytes(bytes(3000))
+    with pytest.raises(FlightError, match="no log of ArduPilot"):
+        read_track(tmp_path / "images.bin", TrackColumns())
+    assert capfd.readouterr() == ("", "")

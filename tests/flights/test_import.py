@@ -194,9 +194,9 @@ def test_photographs_with_exif(tmp_path):
     assert flight.image(3).shape == (48, 64, 3)
 
 
-def write_bag(path, container="SQLITE3", packed=None, behind=0):
+def write_bag(path, container="SQLITE3", packed=None, behind=0, unstamped=(), small=()):
     """`packed` is what is compressed: STORAGE (of MCAP), MESSAGE or FILE; the clock of positions is
-    `behind` by so many nanoseconds.
+    `behind` by so many nanoseconds; of images, some are `unstamped` and some `small`.
     """
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -214,14 +214,14 @@ def write_bag(path, container="SQLITE3", packed=None, behind=0):
         odometry = writer.add_connection("/pose", "geometry_msgs/msg/PoseStamped", typestore=store)
         for i in range(5):
             now = START + i * 100_000_000
-            pixels = picture(i)
+            pixels = picture(i)[:: 1 + (i in small), :: 1 + (i in small)]
             message = types["sensor_msgs/msg/Image"](
-                header=header(now),
-                height=48,
-                width=64,
+                header=header(0 if i in unstamped else now),
+                height=pixels.shape[0],
+                width=pixels.shape[1],
                 encoding="bgr8",
                 is_bigendian=0,
-                step=192,
+                step=3 * pixels.shape[1],
                 data=pixels.reshape(-1),
             )
             writer.write(image, now, store.serialize_cdr(message, "sensor_msgs/msg/Image"))

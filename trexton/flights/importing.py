@@ -110,7 +110,14 @@ def _planned(
     chosen = module.Settings.parse(given, f"import {kind}")
     recording = of_one_size(_ordered(module.read(source, chosen)))
     split = _split(common.split, len(recording.time_ns))
-    placed, words = _placed(recording, common)
+    clocks = [each for each in recording.said if "--offset" in each]
+    if common.offset:  # it is as given
+        kept = [each for each in recording.said if each not in clocks]
+        recording, clocks = replace(recording, said=kept), []
+    try:
+        placed, words = _placed(recording, common)
+    except FlightError as error:
+        raise FlightError("; ".join([str(error), *clocks])) from None
     if recording.track is not None and "offset" in names and not common.offset:
         words.append("stamps of frames and positions taken as of one clock")
     done = None

@@ -134,7 +134,7 @@ def _heights(flight: Flight) -> Iterator[str]:
             f"the camera is {usual:.4g} m high in half of the frames, over an area of "
             f"{flight.diagonal:.3g} m from corner to corner: heights in {unit}? write metres",
             f"heights read as {unit}",
-            _scaled(factor, "height") if flight.diagonal > 1 else None,  # else it may hover there
+            _scaled(factor, "height") if flight.diagonal > 1 and usual > 300 else None,
         )
 
 

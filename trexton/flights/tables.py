@@ -197,6 +197,10 @@ def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:
     text = read_text(path)
     lines = (line for line in text.splitlines() if line.strip())
     first = next((line for line in lines if not (names and line.lstrip().startswith("#"))), "")
+    if first.startswith("# CoordinateSystem:"):  # of Metashape, before its names
+        text, first = text.replace(first, "", 1), next(lines, "")
+    if first[:1] in ("<", "{"):
+        raise FlightError(f"{path}: XML or JSON, and a table was expected: export it as CSV")
     separator = next((each for each in ";\t," if each in first), " ")
     stream = io.StringIO(text, newline="")
     try:

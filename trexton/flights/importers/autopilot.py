@@ -106,6 +106,9 @@ def _messages(path: Path) -> Iterator[tuple[str, list[float]]]:
 
 
 def _ardupilot(path: Path) -> PoseTrack | None:
+    with path.open("rb") as file:
+        if file.read(2) != b"\xa3\x95":  # its reader tells of every byte that it skips
+            raise FlightError(f"{path}: no log of ArduPilot: of COLMAP, export the model as text")
     rows: dict[str, list[list[float]]] = {}
     for kind, row in _messages(path):
         rows.setdefault(kind, []).append(row)

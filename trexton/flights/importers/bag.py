@@ -3,6 +3,7 @@
 import re
 import sqlite3
 from bz2 import BZ2Decompressor
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
@@ -77,13 +78,15 @@ def read(source: Path, settings: Settings) -> Recording:
     whole, damaged = [], []
     for number, message in enumerate(bag.messages(images)):
         try:
-            decoded(message)
-            whole.append((number, *message[:2]))
+            whole.append((decoded(message).shape, number, *message[:2]))
         except (FlightError, cv2.error) as error:
             damaged.append(f"message {number + 1}: {error}")
     if len(damaged) > len(whole):
         raise FlightError(damaged[0])
-    numbers, *shot = np.array(whole, dtype=np.int64).reshape(-1, 3).T
+    shapes = Counter(shape for shape, *_ in whole)
+    usual = max(shapes, key=shapes.__getitem__, default=())
+    sized = [row for shape, *row in whole if shape == usual]
+    numbers, *shot = np.array(sized, dtype=np.int64).reshape(-1, 3).T
     every = [(_body(message), stamps, _pose(message)) for *stamps, message in bag.messages(poses)]
     bodies = sorted({body for body, *_ in every})
     wanted = [each for each in bodies if settings.body in ("", each, each.partition(" in ")[0])]
@@ -94,8 +97,16 @@ def read(source: Path, settings: Settings) -> Recording:
     posed = np.array([stamps for stamps, _ in rows], dtype=np.int64).reshape(-1, 2)
     values = np.array([pose for _, pose in rows], dtype=float).reshape(-1, 7)
     said = [f"images from {images}, positions from {poses}", *unreadable(damaged)]
+    if others := len(whole) - len(sized):
+        said.append(f"{source}: images of another size than most, left out: {others}")
     stamps = shot[0], posed[:, 0]  # none are where they are zero, or mostly those of others
-    clock = int(any(not each.all() or 2 * len(np.unique(each)) < len(each) for each in stamps))
+    clock = int(any(2 * len(np.unique(each[each > 0])) < len(each) for each in stamps))
+    if not clock and not all(each.all() for each in stamps):
+        shown, known = (each > 0 for each in stamps)
+        left = f"{sum(~shown)} images, {sum(~known)} positions"
+        said.append(f"{source}: left out, for their headers have no stamp: {left}")
+        numbers, shot = numbers[shown], [each[shown] for each in shot]
+        posed, values, rows = posed[known], values[known], posed[known].tolist()
     if clock:
         said.append(f"{source}: headers without a stamp: messages are taken at the bag's own times")
     elif len(rows) and len(numbers):
@@ -125,7 +136,9 @@ class _Bag:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
-        with reading(self.source, "bag", "record it again"):
+        with reading(
+            self.source, "bag", "mend it with rosbag reindex, mcap recover or ros2 bag reindex"
+        ):
             _bound_unpacking(self.source)
             _check_tables(self.source)
             reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
@@ -145,7 +158,9 @@ class _Bag:
         """Stamps of the header and of the bag in nanoseconds, and message."""
         with self._open() as reader:
             chosen = [each for each in reader.connections if each.topic == topic]
-            with reading(self.source, "bag", "record it again"):
+            with reading(
+                self.source, "bag", "mend it with rosbag reindex, mcap recover or ros2 bag reindex"
+            ):
                 for connection, recorded, data in reader.messages(chosen):
                     if len(data) > MOST_BYTES:
                         raise ValueError(f"a message has {len(data):,} bytes, over {MOST_BYTES:,}")

@@ -45,6 +45,7 @@ class Shot:
     attitude: tuple[float, float, float] = _UNKNOWN
     time_ns: int = 0  # nanoseconds since 1970; 0 where there is no time
     zoned: bool = False  # whether the zone of the time is known: else it is taken as UTC
+    turned: int = 1  # by which turn it is to be shown, as EXIF numbers them; 1 is none
 
 
 def read_shot(path: Path) -> Shot:
@@ -77,7 +78,8 @@ def read_shot(path: Path) -> Shot:
         latitude = longitude = altitude = np.nan
     values = _values(xmp if isinstance(xmp, bytes) else str(xmp).encode())
     height = next((values[name] for name in _HEIGHTS if name in values), np.nan)
-    return Shot(latitude, longitude, altitude, height, _attitude(values), taken, bool(zone))
+    turned = exif.get(0x0112, 1)
+    return Shot(latitude, longitude, altitude, height, _attitude(values), taken, bool(zone), turned)
 
 
 def _text(value: Any) -> str:

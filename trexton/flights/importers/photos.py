@@ -2,7 +2,6 @@
 latitudes, a log of an autopilot, or a reconstruction (COLMAP, OpenSfM).
 """
 
-import json
 import re
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -13,11 +12,10 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.autopilot import read_log
-from trexton.flights.importers.axes import AXES, PHOTOGRAPHS, attitude_from_quaternions, looks_away
+from trexton.flights.importers.axes import PHOTOGRAPHS, looks_away
 from trexton.flights.importers.exif import Shot, missing_zones, number_of, read_shot
 from trexton.flights.importers.recording import (
     NANO,
@@ -30,8 +28,8 @@ from trexton.flights.importers.recording import (
     spread,
     together,
 )
-from trexton.flights.importers.tracks import metres, next_day
-from trexton.flights.tables import is_number, read_table, time_of
+from trexton.flights.importers.tracks import metres, next_day, read_reconstruction
+from trexton.flights.tables import read_table, time_of
 from trexton.vision.images import natural_order, read_image
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
@@ -44,8 +42,7 @@ _COLUMNS = {
     "time": r"^time|date.?time",
     "file": r"file|^image|^label|^photo|^name",
 }
-# Two lines an image: id, quaternion w, x, y, z, translation, camera, name; then points.
-_COLMAP = r"(?:#.*\n|\s)*+\d+(?:\s+[-+.e\d]+){7}\s+\d+\s+\S*[A-Za-z]"
+_UNTIMED = "photographs without a time: taken as one a second, by their names"
 _BAND = re.compile(r"[_-](\d{1,2}|[A-Za-z]{2,6})$")  # ends the names of multispectral bands
 
 
@@ -87,20 +84,26 @@ def read(source: Path, settings: Settings) -> Recording:
     path = beside(source, settings.positions or "positions.csv")
     named = bool(settings.positions) or path.parent == source and path.is_file()
     shots = {file: read_shot(file) for file in files}
+    if turned := sum(shot.turned not in (0, 1) for shot in shots.values()):
+        fixed = "that of a camera that is fixed becomes wrong: set Orientation to 1"
+        said.append(f"EXIF turns {turned} of {len(files)} photographs, and their attitude: {fixed}")
     if settings.positions and (log := read_log(path)) is not None:
         track, words = log.ordered(str(path))
         words += missing_zones(shots, 0)
+        if not any(shot.time_ns for shot in shots.values()):
+            raise FlightError(f"{source}: no time in EXIF, by which {path.name} tells their places")
         stamps = _stamps(shots)
         if settings.ground is not None:
             raise ParameterError(f"{path.name} tells heights, not altitudes: leave --ground out")
         if not np.any(stamps % NANO):
             words.append("photographs tell whole seconds: their places may lie a second behind")
-    elif settings.positions and (posed := _read_reconstruction(path)) is not None:
+    elif settings.positions and (posed := read_reconstruction(path)) is not None:
         names, poses, words = posed
         rows = _by_name(path, names, files)
         known = list(rows)
         words += _left_out("photographs without a position", len(files) - len(known))
         stamps = _stamps({file: shots[file] for file in known})
+        words += [_UNTIMED] * (not any(shots[file].time_ns for file in known))
         track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
         if track.origin or settings.ground is not None:  # else heights are as it was aligned
             track.position[:, 2], more = heights_over(track.position[:, 2], settings.ground)
@@ -132,7 +135,7 @@ def _located(
     dated = [file for file in placed if table or shots[file].time_ns]
     said = _left_out("photographs without a position", len(files) - len(placed))
     if placed and not dated:
-        said.append("photographs without a time: taken as one a second, by their names")
+        said.append(_UNTIMED)
     elif undated := len(placed) - len(dated):
         said.append(f"photographs without a time that can be read, left out: {undated}")
         placed = dated
@@ -260,41 +263,3 @@ def _by_the_second(taken: list[int]) -> np.ndarray:
     """Photographs of one second are spread over it; a camera without a clock takes one a second."""
     stamps = np.array(taken, dtype=np.int64)
     return spread(stamps) if stamps.any() else np.arange(len(stamps), dtype=np.int64) * NANO
-
-
-def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] | None:
-    """The names of the photographs, their poses (all at time 0), and what to know; None for others.
-    Raises `FlightError` where the file is one, but cannot be read.
-    """
-    from scipy.spatial.transform import Rotation
-
-    if path.suffix.lower() not in (".json", ".txt"):
-        return None
-    text, origin, several = read_text(path), None, ""
-    try:
-        if path.suffix.lower() == ".json":
-            parts = json.loads(text)
-            whole = max(parts, key=lambda part: len(part["shots"]))
-            several = f", the largest of {len(parts)} in it" * (len(parts) > 1)
-            names, shots = list(whole["shots"]), whole["shots"].values()
-            turns = Rotation.from_rotvec([shot["rotation"] for shot in shots]).as_quat()
-            shifts = [shot["translation"] for shot in shots]
-            place = whole.get("reference_lla")
-            origin = (float(place["latitude"]), float(place["longitude"])) if place else None
-        elif re.match(_COLMAP, text):
-            lines = [line.split(maxsplit=9) for line in text.splitlines() if line[:1] != "#"]
-            rows = [row for row in lines if row and not is_number(row[-1].split()[-1])]
-            turns = [[float(row[place]) for place in (2, 3, 4, 1)] for row in rows]
-            names, shifts = [row[9].strip() for row in rows], [row[5:8] for row in rows]
-        else:
-            return None
-        # Both tell how the world is turned and moved to the camera (right, down, ahead).
-        to_world = Rotation.from_quat(np.array(turns, dtype=float)).inv()
-        centres = -to_world.apply(np.array(shifts, dtype=float))
-        centres[:, 2] += place.get("altitude", 0.0) if origin else 0.0
-    except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
-        raise FlightError(f"{path}: not a reconstruction that can be read ({error})") from None
-    attitude = attitude_from_quaternions(to_world.as_quat(), AXES["camera"])
-    scale = "" if origin else "; its unit and axes are its own, unless it was aligned"
-    said = [f"{path}: {len(names)} poses of a reconstruction{several}{scale}"]
-    return names, PoseTrack(np.zeros(len(names), np.int64), centres, attitude, origin), said

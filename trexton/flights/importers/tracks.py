@@ -2,6 +2,7 @@
 TUM, motion capture, autopilots' logs and subtitles by how a file begins.
 """
 
+import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +14,13 @@ from trexton.base.errors import FlightError
 from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.importers.autopilot import read_log
-from trexton.flights.importers.axes import MAX_ANGLE, axes_option, camera_attitude
+from trexton.flights.importers.axes import (
+    AXES,
+    MAX_ANGLE,
+    attitude_from_quaternions,
+    axes_option,
+    camera_attitude,
+)
 from trexton.flights.importers.mocap import UNITS, read_mocap
 from trexton.flights.importers.recording import PoseTrack
 from trexton.flights.tables import TIMES, TextTable, is_number, read_table
@@ -72,7 +79,7 @@ class TrackColumns(Options):
             if degrees and largest < 6.3 and wraps.any():
                 said.append(f"{found} wraps: radians? leave --degrees out")
             if re.match(r"(?i)heading|course|azimuth|compass", self.yaw):
-                said.append(f"{found} taken as anticlockwise: of a compass? put - before its name")
+                said.append(f"{found} taken as anticlockwise: of a compass? give --yaw=-{self.yaw}")
             yaw = np.radians(yaw) if degrees else yaw
             track = replace(track, attitude=np.column_stack([np.full((len(yaw), 2), np.nan), yaw]))
         track, order = track.ordered(where, lines)
@@ -113,6 +120,8 @@ def next_day(stamps: np.ndarray, path: Path, rows: Sequence[int], said: list[str
     return stamps + TIMES["d"] * np.cumsum(anew)
 
 
+# Of COLMAP two lines an image: id, quaternion w, x, y, z, translation, camera, name; then points.
+_COLMAP = r"(?:#.*\n|\s)*+\d+(?:\s+[-+.e\d]+){7}\s+\d+\s+\S*[A-Za-z]"
 TUM = TrackColumns("stamp", "x", "y", "z", quaternion="qx,qy,qz,qw")
 
 
@@ -185,3 +194,44 @@ def _quaternions(matrices: np.ndarray) -> np.ndarray:
     result = np.where(np.isnan(matrices).any(axis=1)[:, None], np.nan, np.zeros((len(turns), 4)))
     result[good] = Rotation.from_matrix(turns[good]).as_quat()
     return result
+
+
+def read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] | None:
+    """The names of the photographs, their poses (all at time 0), and what to know; None for others.
+    Raises `FlightError` where the file is one, but cannot be read.
+    """
+    from scipy.spatial.transform import Rotation
+
+    if path.suffix.lower() not in (".json", ".txt"):
+        return None
+    text, origin, several = read_text(path), None, ""
+    try:
+        if path.suffix.lower() == ".json":
+            parts = json.loads(text)
+            whole = max(parts, key=lambda part: len(part["shots"]))
+            several = f", the largest of {len(parts)} in it" * (len(parts) > 1)
+            names, shots = list(whole["shots"]), whole["shots"].values()
+            turns = Rotation.from_rotvec([shot["rotation"] for shot in shots]).as_quat()
+            shifts = [shot["translation"] for shot in shots]
+            place = whole.get("reference_lla")
+            origin = (float(place["latitude"]), float(place["longitude"])) if place else None
+            origin = origin if origin != (0, 0) else None  # without GPS
+        elif re.match(_COLMAP, text):
+            lines = [line.split(maxsplit=9) for line in text.splitlines() if line[:1] != "#"]
+            rows = [row for row in lines if row and not is_number(row[-1].split()[-1])]
+            turns = [[float(row[place]) for place in (2, 3, 4, 1)] for row in rows]
+            names, shifts = [row[9].strip() for row in rows], [row[5:8] for row in rows]
+        else:
+            return None
+        # Both tell how the world is turned and moved to the camera (right, down, ahead).
+        to_world = Rotation.from_quat(np.array(turns, dtype=float)).inv()
+        centres = -to_world.apply(np.array(shifts, dtype=float))
+        centres[:, 2] += place.get("altitude", 0.0) if origin else 0.0
+    except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
+        raise FlightError(
+            f"{path}: no reconstruction of COLMAP or OpenSfM that can be read ({error})"
+        ) from None
+    attitude = attitude_from_quaternions(to_world.as_quat(), AXES["camera"])
+    scale = "" if origin else "; its unit and axes are its own, unless it was aligned"
+    said = [f"{path}: {len(names)} poses of a reconstruction{several}{scale}"]
+    return names, PoseTrack(np.zeros(len(names), np.int64), centres, attitude, origin), said

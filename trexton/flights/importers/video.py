@@ -119,7 +119,8 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """
     seen: list[float] = []
     moved: list[float] = []
-    announced = cv2.VideoCapture(str(source)).get(cv2.CAP_PROP_FRAME_COUNT)
+    capture = cv2.VideoCapture(str(source))
+    announced, rate = map(capture.get, (cv2.CAP_PROP_FRAME_COUNT, cv2.CAP_PROP_FPS))
     before = None
     with _told() as errors:
         for stamp, frame in progress(_stamped(source), "video"):
@@ -132,7 +133,8 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     if len(stamps) < 3:
         raise FlightError(f"{source}: {len(stamps)} frames could be decoded: copy it again")
     cut = []
-    if len(stamps) < _WHOLE * announced - 1 < 1e9:  # some containers name any number
+    lasted = 1 + np.ptp(stamps) * rate  # in frames: of a variable rate there are fewer
+    if max(len(stamps), lasted) < _WHOLE * announced - 1 < 1e9:  # some containers name any number
         why = "the file is cut short, or damaged and what follows is stamped too early"
         cut = [f"{source}: {len(stamps)} of {announced:.0f} frames could be decoded: {why}"]
     if errors:
