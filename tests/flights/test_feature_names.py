@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import small_flight
 
 from trexton.base.errors import FlightError, ParameterError
 from trexton.cli.main import main
@@ -153,3 +154,18 @@ def test_a_copy_with_rounded_places_is_a_copy(trained):
         renewed(load_map(trained / "M.npz"), rounded, rng=rng)
     with pytest.raises(FlightError, match="are those it would be trained on"):
         load_pair(trained / "S", write_flight(rounded, trained / "again"))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"frame": np.r_[:5, 2, 6:40].astype(np.uint32)}, "frame 2 after 4 in row 5"),
+        ({"frame": np.r_[-100, 100:139].astype(np.int16), "area": (0, np.inf, 0, 1)}, "the area"),
+        ({"histograms": np.full((40, 2), np.nan), "features": "radio"}, "not finite: leave those"),
+        ({"histograms": np.tile([2.0, -1.0], (40, 1))}, "a histogram that sums to 1"),
+    ],
+)
+def test_values_that_cannot_be_are_refused(change, words):
+    """Unsigned numbers that fall, frequencies below 0 and NaN among features were let pass."""
+    with pytest.raises(FlightError, match=words):
+        replace(small_flight(), **change)

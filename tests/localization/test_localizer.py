@@ -171,6 +171,11 @@ def test_frames_that_do_not_fit_are_refused_and_change_nothing(texton_map, pictu
         (np.ones(5), MapError),
     ]
     assert track(bad) == track([])
+    localizer = Localizer(texton_map, particles=20, rng=np.random.default_rng(7))
+    for stamp in (np.nan, np.inf):
+        with pytest.raises(ParameterError, match="expected the frame's in seconds"):
+            localizer.step(picture_flight.image(1), time=stamp)
+    assert localizer.step(picture_flight.image(0)).position.tobytes() == track([])
 
 
 def test_a_missing_frame_only_predicts(texton_map, picture_flight):

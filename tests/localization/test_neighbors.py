@@ -134,3 +134,10 @@ def test_what_has_features_lies_between_them(distance):
     queries, rows = np.array([[0.5, 0.5], [1.0, 0.0]]), np.array([[0.25, 0.75]])
     apart = distance.features(queries) - distance.features(rows)
     np.testing.assert_allclose(distance.between(queries, rows), np.hypot(*apart.T)[:, None])
+
+
+@pytest.mark.parametrize("k", [0, -1, 21, 2.5])
+def test_a_number_of_neighbours_that_cannot_be_is_refused(k, rng):
+    nearest = NearestHistograms(rng.dirichlet(np.ones(5), 20), rng.random((20, 2)))
+    with pytest.raises(ParameterError, match="k is"):
+        nearest.query(np.full(5, 0.2), k)

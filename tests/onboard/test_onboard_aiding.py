@@ -109,6 +109,13 @@ def test_what_is_told_is_what_was_asked_for_and_only_if_it_is_of_that_moment():
     assert aids("all").of(frame, 10.0) is None
 
 
+def test_what_is_not_finite_is_not_known():
+    """A yaw of NaN, given from Python, turned round for ever."""
+    known = Aiding(yaw=np.nan, roll=0.1, height=np.inf, attitude_time=1.0, height_time=1.0)
+    assert (known.yaw, known.roll, known.height) == (None, 0.1, None)
+    assert known.at(1.0).height_time is None and known.at(1.0).attitude_time == 1.0
+
+
 def test_the_frame_is_believed_before_an_autopilot_which_adds_what_is_missing():
     own = Aiding(height=0.9, height_time=3.0)
     told = aids("all", FULL, replace(FULL, roll=9.0)).of(Frame(3.0, None, aiding=own), 10.0)

@@ -55,17 +55,7 @@ def assess(
 ) -> Assessment:
     """Fly the left-out stretches, and say what that amounts to.
 
-    Parameters
-    ----------
-    texton_map : TextonMap
-    flight : Flight, optional
-        The frames behind the map, for a method that looks at images.
-    rng : numpy.random.Generator
-
-    Raises
-    ------
-    MapError
-        The flight is too short, or its frames are too rare.
+    Parameters and errors are those of `replay`; frames may also be too rare.
     """
     flown = list(replay(texton_map, samples=SAMPLES, rng=rng, flight=flight))
     if not flown:

@@ -39,8 +39,7 @@ class Hypotheses:
     states : (T, D + 4) array
         Of the motion, correlated error of the frames, velocity bias.
     covariances : (T, D + 4, D + 4) array
-    weights : (T,) array
-        Summing to one.
+    weights : (T,) array, summing to one
     outliers : (T,) array
         Probability that the last frame was an outlier, given the hypothesis.
     frame, velocity : (2, D + 4) array

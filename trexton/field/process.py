@@ -75,8 +75,7 @@ def blocks_in_space(
     ----------
     blocks : sequence of Block
         In time; together their rows are all frames.
-    places : (N, 2) array
-        Metres.
+    places : (N, 2) array, metres
     time : (N,) array
         Seconds; rows of one frame share theirs.
     wanted : float
@@ -148,8 +147,7 @@ class Process:
     ----------
     places : (N, 2) array
     features : (N, K) array
-    length : float
-        Of the kernel, metres.
+    length : float, metres
     counts : (N,) array, optional
         As of `merge_places`.
     noise : float

@@ -17,7 +17,8 @@ ATTITUDE_AGE, OTHER_AGE = 0.1, 0.3
 
 @dataclass(frozen=True, eq=False)
 class Aiding:
-    """What the autopilot knows besides; every part is optional and carries its own stamp.
+    """What the autopilot knows besides; every part is optional and carries its own stamp. Angles
+    and heights that are not finite are taken as not known.
 
     Attributes
     ----------
@@ -44,19 +45,21 @@ class Aiding:
     velocity_time: float | None = None
     velocity_sigma: float | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("roll", "pitch", "yaw", "height"):  # of a velocity the filter says it
+            if (value := getattr(self, name)) is not None and not np.isfinite(value):
+                object.__setattr__(self, name, None)
+
     def at(self, time: float) -> Aiding:
-        """Only what is finite and of that moment: what bears no stamp, or one too far from `time`,
-        is left out."""
-        attitude = _near(self.attitude_time, time, ATTITUDE_AGE)
-        height = _near(self.height_time, time, OTHER_AGE) and _finite(self.height)
-        velocity = _near(self.velocity_time, time, OTHER_AGE) and _finite(self.velocity)
-        roll, pitch, yaw = (
-            angle if attitude and _finite(angle) else None
-            for angle in (self.roll, self.pitch, self.yaw)
-        )
-        attitude = any(angle is not None for angle in (roll, pitch, yaw))
+        """Only what is of that moment: what bears no stamp, or one too far from `time`, is left
+        out."""
+        angles = (self.roll, self.pitch, self.yaw)
+        attitude = _near(self.attitude_time, time, ATTITUDE_AGE) and angles != (None, None, None)
+        height = _near(self.height_time, time, OTHER_AGE) and self.height is not None
+        finite = self.velocity is not None and bool(np.isfinite(self.velocity).all())
+        velocity = finite and _near(self.velocity_time, time, OTHER_AGE)
         return Aiding(
-            roll, pitch, yaw,
+            *(angles if attitude else (None, None, None)),
             self.height if height else None, self.velocity if velocity else None,
             self.attitude_time if attitude else None, self.height_time if height else None,
             self.velocity_time if velocity else None,
@@ -80,7 +83,3 @@ class Aiding:
 
 def _near(stamp: float | None, time: float, most: float) -> bool:
     return stamp is not None and abs(stamp - time) <= most
-
-
-def _finite(value: float | np.ndarray | None) -> bool:
-    return value is not None and bool(np.isfinite(value).all())

@@ -44,8 +44,7 @@ class Flight:
         Stamps in seconds, strictly increasing.
     position : (N, 2) float64 array
         Ground truth x, y in metres; NaN where it was not recorded.
-    height : (N,) array or None
-        Metres above the floor.
+    height : (N,) array or None, metres above the floor
     attitude : (N, 3) array or None
         Roll, pitch, yaw in radians; see `trexton.vision.camera`.
     frames : ImageFiles or None
@@ -57,17 +56,15 @@ class Flight:
         values that need not.
     feature_names : tuple of str
         Names of their columns, where the source gives some: those of a map are compared to them.
-    area : (x_min, x_max, y_min, y_max)
-        The area in which the vehicle can be, in metres.
+    area : (x_min, x_max, y_min, y_max), metres
+        Where the vehicle can be.
     split : dict of str to (first, last)
         Named ranges of frame numbers, both ends included.
     floor_file, floor_from_pixel
-        A picture of the true floor, if known, and the ``(3, 3)`` homography from its pixels to
-        metres.
-    rectification : Rectification or None
-        What was done to the camera's images before they came to be these.
-    origin : (latitude, longitude), optional
-        Degrees (WGS 84) of the place from which x counts metres east and y metres north.
+        A picture of the true floor, if known, and the ``(3, 3)`` homography to metres.
+    rectification : Rectification or None, of the camera's images
+    origin : (latitude, longitude), degrees (WGS 84), optional
+        From where x counts metres east and y metres north.
     """
 
     name: str
@@ -115,7 +112,8 @@ class Flight:
             raise FlightError(f"{found}: give one for each, all different, or none")
         if self.features == "textons" and self.histograms is not None:
             sums = self.histograms.sum(axis=1)
-            wrong = (np.abs(sums - 1) > SUM_TOLERANCE) & self.histograms.any(axis=1)
+            wrong = ~(np.abs(sums - 1) <= SUM_TOLERANCE) & self.histograms.any(axis=1)
+            wrong |= (self.histograms < 0).any(axis=1)
             if wrong.any():  # rows in which nothing was counted are let pass
                 raise FlightError(
                     f"flight {self.name!r} has a histogram that sums to {sums[wrong][0]:.4g}: "
@@ -125,7 +123,8 @@ class Flight:
         for key in ("time", "frame"):
             self._check_order(key, getattr(self, key))
         area = np.asarray(self.area, dtype=float)
-        if area.shape != (4,) or not (area[0] <= area[1] and area[2] <= area[3]):
+        ordered = area.shape == (4,) and area[0] <= area[1] and area[2] <= area[3]
+        if not (ordered and np.isfinite(area).all()):
             raise FlightError(
                 f"flight {self.name!r} has the area {self.area}: expected x_min, x_max, y_min, "
                 "y_max, the smaller of each first"
@@ -142,6 +141,9 @@ class Flight:
             )
         if key != "frame":
             numbers = np.ma.filled(np.ma.asarray(value, dtype=float), np.nan)
+        if key == "histograms" and not np.isfinite(numbers).all():
+            found = f"flight {self.name!r} has histograms that are not finite: leave those "
+            raise FlightError(f"{found}frames or features out")
         columns = _COLUMNS.get(key, "")
         fitting = ("", "K", *map(str, numbers.shape[1:]))
         if numbers.ndim != 1 + bool(columns) or columns not in fitting:
@@ -154,7 +156,7 @@ class Flight:
     def _check_order(self, key: str, value: np.ndarray) -> None:
         """Speeds, motion models and intervals are taken from one frame to the next."""
         wrong = ~np.isfinite(value)
-        wrong[1:] |= np.diff(value) <= 0
+        wrong[1:] |= value[1:] <= value[:-1]
         if wrong.any():
             row = int(wrong.argmax())
             after = f" after {value[row - 1]}" if row else ""

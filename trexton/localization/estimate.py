@@ -19,8 +19,7 @@ class Measurement:
 
     Attributes
     ----------
-    position : (2,) array
-        Metres.
+    position : (2,) array, metres
     covariance : (2, 2) array
         Of this one's error, square metres.
     independent_s : float
@@ -47,9 +46,8 @@ class Estimate:
     observed : bool
         False where the step only predicted.
     histogram : (K,) array or None
-        Where a part asked for it.
     neighbors : Neighbors or None
-        Where a part asked for them.
+        Both where a part asked for them.
     mean : (2,) array or None
         Of the belief, in metres, where `position` is another point.
     particles : (M, 2) array or None

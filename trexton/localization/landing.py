@@ -23,8 +23,7 @@ class LandingZone:
 
     Parameters
     ----------
-    center : (2,) array
-        Metres.
+    center : (2,) array, metres
     radius : float
         r, metres.
     spread : float or (2,) array
@@ -96,7 +95,7 @@ class TouchdownZone(LandingZone):
     Parameters
     ----------
     center, radius, consecutive
-        As of a `LandingZone`.
+        As of a `LandingZone`, and so are errors.
     drift_s : float
         Seconds of the present velocity that the vehicle drifts while it brakes and comes down.
     time_limit : float
@@ -104,11 +103,6 @@ class TouchdownZone(LandingZone):
     settled_s : float
         Seconds for which no estimate may have been lost, or elsewhere than the one before it
         predicted.
-
-    Raises
-    ------
-    ParameterError
-        A value is not finite or out of range.
     """
 
     def __init__(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
+from trexton.base.options import whole
 from trexton.base.progress import progress
 from trexton.localization.base import Part
 
@@ -77,8 +78,7 @@ class Neighbors:
         Rows of the training set.
     distance : (k,) float64 array
         Between the histograms.
-    position : (k, 2) float64 array
-        Metres.
+    position : (k, 2) float64 array, metres
     """
 
     index: np.ndarray
@@ -92,8 +92,7 @@ class NearestHistograms:
     Parameters
     ----------
     histograms : (N, K) array
-    positions : (N, 2) array
-        Metres.
+    positions : (N, 2) array, metres
     k : int
         Neighbours to return, at most N.
     distance : Distance, optional
@@ -142,7 +141,7 @@ class NearestHistograms:
         MapError
             The histogram has another length than the training set's, or is not finite.
         """
-        k = self.k if k is None else k
+        k = self.k if k is None else whole(k, "k", 1, len(self.positions))
         histogram = np.ascontiguousarray(histogram, dtype=np.float64)
         if histogram.shape != self._shape or not histogram @ histogram < np.inf:
             raise MapError(

@@ -17,11 +17,8 @@ class Observation:
     ----------
     frame : (H, W, 3) uint8 array or None
         The picture; None where the flight came as histograms.
-    aiding : Aiding, optional
-    time : float, optional
-        Seconds, of the frame.
-    samples : int, optional
-        Patches that were counted for the histogram; None where all were, or nobody knows.
+    aiding, time, samples : optional
+        As of `Localizer.step`.
     histogram, neighbors : callable
         Give the ``(K,)`` histogram, and the neighbours of a histogram.
     """

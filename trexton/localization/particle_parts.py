@@ -64,8 +64,7 @@ class Belief:
     ----------
     states : (M, D) array
         Of the motion model.
-    weights : (M,) array
-        Summing to one.
+    weights : (M,) array, summing to one
     log_likelihood : (M,) array
         Zero where nothing was measured.
     log_mean_likelihood : float

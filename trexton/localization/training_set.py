@@ -32,10 +32,8 @@ class Training:
     ----------
     histograms : (N, K) array
         Relative texton frequencies, full sampling; or other features, as the flight has them.
-    positions : (N, 2) array
-        Metres.
-    time : (N,) array
-        Seconds.
+    positions : (N, 2) array, metres
+    time : (N,) array, seconds
     area : (x_min, x_max, y_min, y_max)
     period_s : float
         Median time from frame to frame.
@@ -44,7 +42,7 @@ class Training:
     dictionary : TextonDictionary or None
         None where the flight came as histograms.
     flight : Flight or None
-        The frames themselves, in the same order; None where only their histograms were kept.
+        The frames themselves, in the same order, where they were kept.
     rng : numpy.random.Generator
     cells : int
         Parts of the image along each side, each with a histogram of its own.

@@ -71,8 +71,7 @@ class Mosaic:
     left_out : (A,) array
         Metres from each of these positions to where the map puts the frame without it.
     errors : (L,) array
-        Of each pair of frames that see the same floor, the median distance in frame pixels between
-        matched points, after the adjustment.
+        Of each pair of linked frames, median pixels between matched points after the adjustment.
     rejected : int
         Links that contradicted the others: loops through them do not close.
     """

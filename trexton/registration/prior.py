@@ -40,10 +40,8 @@ class Prior:
         Of x, y, z, roll, pitch and yaw, as if it were at x = y = 0; metres and radians.
     turned : bool
         Whether the heading is the measured one.
-    tilt : (2,) array or None
-        Roll and pitch as measured.
-    heading, height : float or None
-        As measured, believed or not.
+    tilt : (2,) array or None, as measured
+    heading, height : float or None, as measured
     last : (6,) array or None
         The pose of the frame before, if it was found.
     steps : int
@@ -145,8 +143,8 @@ class TiltError:
 class PosePrior:
     """How much to believe of the attitude and the height that an autopilot tells.
 
-    Of roll and pitch it is learned how far they are off. Heading and height are used as long as
-    the floor is found with them; else it is searched without, by turns.
+    Of roll and pitch it is learned how far they are off. Heading and height are used (as
+    `uses_heading` says) as long as the floor is found with them; else it is searched without.
 
     Parameters
     ----------
@@ -154,11 +152,6 @@ class PosePrior:
         Height of the camera in metres while none is measured.
     attitude_sigma, height_sigma : float
         Standard deviations of the measured attitude and height, radians and metres.
-
-    Attributes
-    ----------
-    uses_heading : bool
-        Whether the measured heading and height are used.
     """
 
     def __init__(self, usual: float, attitude_sigma: float, height_sigma: float):

@@ -72,8 +72,7 @@ def survey(area: Area, seconds: float, speed: float) -> Iterator[np.ndarray]:
 
     Parameters
     ----------
-    area : (x_min, x_max, y_min, y_max)
-        Metres.
+    area : (x_min, x_max, y_min, y_max), metres
     """
     low, high = _inside(area)
     # At each corner the vehicle brakes, turns and gains speed again, which takes about a second and

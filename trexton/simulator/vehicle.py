@@ -64,10 +64,8 @@ class Vehicle:
     ----------
     position : (2,) array
         Start in metres.
-    height : float
-        Height it holds, in metres.
-    speed : float
-        Speed at which it flies to a goal, in m/s.
+    height, speed : float
+        Metres, held; metres a second, towards a goal.
     height_ripple, yaw : float
         Standard deviations of height (m) and heading (rad).
     rng : numpy.random.Generator

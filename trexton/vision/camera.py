@@ -62,10 +62,8 @@ class Camera:
 
     Parameters
     ----------
-    width, height : int
-        Of the image, in pixels.
-    focal : float
-        Focal length in pixels.
+    width, height : int, pixels
+    focal : float, pixels
     center : (x, y), optional
         Principal point in pixels; the image centre unless given.
 

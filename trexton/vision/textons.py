@@ -187,10 +187,10 @@ class TextonDictionary:
         if isinstance(source, np.ndarray):
             patches = source
         else:
-            if not source.has_images:
+            if not getattr(source, "has_images", False):
                 raise MapError(
-                    f"flight {source.name!r} has no images to learn textons from: "
-                    "give a dictionary, or a flight with images"
+                    f"flight {getattr(source, 'name', source)!r:.60} has no images to learn "
+                    "textons from: give a dictionary, a flight with images, or patches"
                 )
             patch = whole(patch, "patch", 1, MAX_PATCH)
             patches = draw_patches(islice(source.images(), images), patch, patches_per_image, rng)

@@ -117,8 +117,7 @@ def summarize(
     ----------
     runs : sequence of (N, 2) array
         Estimates in metres; frames with NaN are counted as missing and left out.
-    truth : (N, 2) array
-        Metres.
+    truth : (N, 2) array, metres
     diagonal : float
         Length of the area's diagonal in metres, for the relative error.
 

@@ -31,8 +31,7 @@ class Track:
     ----------
     position : (N, 2) array
         Estimates in metres.
-    covariance : (N, 2, 2) array
-        Square metres.
+    covariance : (N, 2, 2) array, square metres
     lost : (N,) bool array
         Whether it said that it was lost.
     knn : (N, 2) array

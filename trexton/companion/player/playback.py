@@ -39,8 +39,7 @@ class PlayedFlight:
     Attributes
     ----------
     flight : str
-    area : (x_min, x_max, y_min, y_max)
-        Metres.
+    area : (x_min, x_max, y_min, y_max), metres
     frames : list of dict
         One a shown frame: ``frame``, ``time_s``, ``truth_cm``, ``histogram`` (per mille),
         ``neighbors_cm``, ``particles_cm``, ``spread_cm``, ``estimates_cm`` by name, ``errors_cm``

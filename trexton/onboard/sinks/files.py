@@ -42,8 +42,7 @@ class FileSink(Sink):
     disk leaves half a line behind.
 
     What the file holds already is moved to the first free of ``path.1``, ``path.2`` and so on: a
-    flight's positions are flown only once. That is done when it is first opened: a flight that is
-    refused before has touched nothing.
+    flight's positions are flown only once. A flight that is refused before has touched nothing.
 
     Parameters
     ----------
