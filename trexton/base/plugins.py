@@ -48,8 +48,7 @@ def resolve(kind: str, name: str, table: Mapping[str, str], *, imports: bool = T
     Raises
     ------
     ParameterError
-        Nothing has that name, or its module is missing. What a module raises while it is imported
-        is a bug of its own and passes.
+        Nothing has that name, or its module is missing. What a module raises itself passes.
     """
     declared = table.get(name) or addresses(kind, table).get(name)
     module, colon, attribute = (declared or name).partition(":")

@@ -31,8 +31,7 @@ class Hypotheses:
         Of D states.
     limit : int
         How many are kept at most, and as many again that take the velocity to be biased.
-    cell : float
-        Side of a cell of the grid in metres.
+    cell : float, metres
 
     Attributes
     ----------

@@ -30,8 +30,7 @@ class LinearMotion(MotionModel):
     ----------
     speed : () array
         Root mean square velocity along an axis, m/s.
-    period_s : () array
-        Time from frame to frame.
+    period_s : () array, from frame to frame
     transition, noise : (D, D) array
         F and Q of one frame.
     """

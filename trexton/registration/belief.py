@@ -153,8 +153,7 @@ class ViewMotion:
 
     Parameters
     ----------
-    cell : float
-        Side of a cell in metres.
+    cell : float, metres
     longest : float
         Cells: a longer motion from frame to frame is a jump.
 

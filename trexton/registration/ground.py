@@ -38,8 +38,7 @@ class Ground:
         Grey levels; where nothing is mapped, the mean of what is.
     mask : (H, W) float32 array
         1 where the floor is mapped, 0 elsewhere.
-    cell : float
-        Side of a cell in metres.
+    cell : float, metres
     corner : (2,) array
         x, y of the centre of the top left cell in metres.
     """

@@ -67,10 +67,8 @@ class FloorFix:
         Of x and y.
     score : float
         Correlation of the frame with the floor at this pose.
-    lost : bool
-        The pose must not be trusted.
-    observed : bool
-        False where no frame came.
+    lost : bool, where the pose must not be trusted
+    observed : bool, False where no frame came
     heading_sigma : float
         Standard deviation of the yaw in radians; NaN where no frame shows it by itself.
     """

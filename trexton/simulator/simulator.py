@@ -34,8 +34,7 @@ class Simulator:
     height, speed : float
         See `Vehicle`.
     rng : numpy.random.Generator
-        Flight, camera and motion capture each get their own stream of it, so that looking changes
-        nothing.
+        Flight, camera and motion capture each get a stream of it: looking changes nothing.
     """
 
     def __init__(

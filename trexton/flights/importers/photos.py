@@ -85,8 +85,8 @@ def read(source: Path, settings: Settings) -> Recording:
     named = bool(settings.positions) or path.parent == source and path.is_file()
     shots = {file: read_shot(file) for file in files}
     if turned := sum(shot.turned not in (0, 1) for shot in shots.values()):
-        fixed = "that of a camera that is fixed becomes wrong: set Orientation to 1"
-        said.append(f"EXIF turns {turned} of {len(files)} photographs, and their attitude: {fixed}")
+        fixed = "of a camera that is fixed to its vehicle set Orientation to 1"
+        said.append(f"EXIF turns {turned} of {len(files)} photographs as they are read: {fixed}")
     if settings.positions and (log := read_log(path)) is not None:
         track, words = log.ordered(str(path))
         words += missing_zones(shots, 0)

@@ -1,5 +1,5 @@
 """Files of positions: `TrackColumns` declares a table; `read_track` also finds out trajectories of
-TUM, motion capture, autopilots' logs and subtitles by how a file begins.
+TUM, motion capture, logs and subtitles; `read_reconstruction` is for COLMAP's and OpenSfM's.
 """
 
 import json

@@ -31,7 +31,6 @@ class FlightSource(Source):
     flight : Flight
     laps : int
     folder : str, optional
-        Where it lies.
     pace : {"fast", "stamps"}
     """
 
