@@ -199,8 +199,10 @@ def test_an_offset_of_clocks_is_advised_where_it_helps_and_not_where_it_is_given
 
 
 def test_a_small_survey_flown_high_is_asked_about_and_not_scaled():
-    flight = small_flight(200)
-    for high, mended in ((90.0, False), (900.0, True)):
+    flight, around = small_flight(200), (0.0, 17.0, 0.0, 1.0)
+    position = np.column_stack([np.linspace(0, 17, 200), np.linspace(0, 1, 200)])
+    flight = replace(flight, position=position, area=around)
+    for high, mended in ((90.0, False), (270.0, True), (900.0, True)):
         doubts = list(warnings(replace(flight, height=np.full(len(flight), high))))
         (doubt,) = (each for each in doubts if "heights in" in each)
         assert (doubt.mend is not None) == mended

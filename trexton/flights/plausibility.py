@@ -130,11 +130,12 @@ def _heights(flight: Flight) -> Iterator[str]:
         yield Doubt(said, "heights turned, z pointed down", _scaled(-1.0, "height"))
     elif flight.origin is None and usual > max(MAX_HEIGHT_RATIO * flight.diagonal, 30):
         unit, factor = _SMALLER[usual <= 300]
+        likely = usual > min(300, 3 * MAX_HEIGHT_RATIO * flight.diagonal)  # else it may fly so
         yield Doubt(
             f"the camera is {usual:.4g} m high in half of the frames, over an area of "
             f"{flight.diagonal:.3g} m from corner to corner: heights in {unit}? write metres",
             f"heights read as {unit}",
-            _scaled(factor, "height") if flight.diagonal > 1 and usual > 300 else None,
+            _scaled(factor, "height") if likely and flight.diagonal > 1 else None,
         )
 
 

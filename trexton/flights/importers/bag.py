@@ -38,6 +38,7 @@ POSES = {
     "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
 }
 # encoding: type of a channel, channels, and the conversion to BGR (None: already)
+_ADVICE = "mend it with rosbag reindex, mcap recover or ros2 bag reindex"
 _ENCODINGS: dict[str, tuple[str, int, int | None]] = {
     **dict.fromkeys(("bgr8", "8uc3"), ("u1", 3, None)),
     "rgb8": ("u1", 3, cv2.COLOR_RGB2BGR),
@@ -136,9 +137,7 @@ class _Bag:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
-        with reading(
-            self.source, "bag", "mend it with rosbag reindex, mcap recover or ros2 bag reindex"
-        ):
+        with reading(self.source, "bag", _ADVICE):
             _bound_unpacking(self.source)
             _check_tables(self.source)
             reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
@@ -158,9 +157,7 @@ class _Bag:
         """Stamps of the header and of the bag in nanoseconds, and message."""
         with self._open() as reader:
             chosen = [each for each in reader.connections if each.topic == topic]
-            with reading(
-                self.source, "bag", "mend it with rosbag reindex, mcap recover or ros2 bag reindex"
-            ):
+            with reading(self.source, "bag", _ADVICE):
                 for connection, recorded, data in reader.messages(chosen):
                     if len(data) > MOST_BYTES:
                         raise ValueError(f"a message has {len(data):,} bytes, over {MOST_BYTES:,}")
