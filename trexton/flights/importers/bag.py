@@ -30,6 +30,7 @@ MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacke
 MOST_AHEAD = 0.5  # seconds, of one clock: what a message of one kind travels longer than another
 MOST_TIMES = 1000  # the size of the file: more is not unpacked of it on one way through
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+_ADVICE = "mend it with rosbag reindex, mcap recover or ros2 bag reindex"
 # where the place and the attitude of each kind of message are
 POSES = {
     "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
@@ -38,7 +39,6 @@ POSES = {
     "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
 }
 # encoding: type of a channel, channels, and the conversion to BGR (None: already)
-_ADVICE = "mend it with rosbag reindex, mcap recover or ros2 bag reindex"
 _ENCODINGS: dict[str, tuple[str, int, int | None]] = {
     **dict.fromkeys(("bgr8", "8uc3"), ("u1", 3, None)),
     "rgb8": ("u1", 3, cv2.COLOR_RGB2BGR),
