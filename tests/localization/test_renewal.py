@@ -12,6 +12,7 @@ from small_room import histogram_flight, picture_flight
 from trexton.base.errors import FlightError, MapError, ParameterError
 from trexton.cli.main import main
 from trexton.companion.build.flight_pairs import load_pair
+from trexton.evaluation.held_out import assess
 from trexton.flights.writing import write_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import save_map
@@ -111,3 +112,40 @@ def test_every_renewal_is_recorded():
         later = histogram_flight(f"later {noise}", frames=120, noise=noise)
         texton_map, _ = renewed(texton_map, later, rng=rng)
     assert [name for name, _ in texton_map.provenance["renewed"]] == ["later 2", "later 3"]
+
+
+def test_a_place_far_away_does_not_blow_up_the_map():
+    """One position of a kilometre made the area one: errors grew to kilometres."""
+    rng = np.random.default_rng(0)
+    texton_map = train_map(histogram_flight("old", frames=120), method="field", rng=rng)
+    later = histogram_flight("later", frames=120, noise=2)
+    position = later.position.copy()
+    position[7] = (1e3, 0)
+    with pytest.raises(MapError, match="positions far beside the map"):
+        renewed(texton_map, replace(later, position=position), rng=rng)
+
+
+def test_a_flight_at_another_heading_is_refused():
+    """Its frames took the places of those that fit, and the verdict was honest."""
+    rng = np.random.default_rng(0)
+    texton_map = train_map(histogram_flight("old", frames=120), method="field", rng=rng)
+    held = texton_map.parts["appearance"].with_learned(survey_yaw=np.array(0.1))
+    texton_map = replace(texton_map, parts=texton_map.parts | {"appearance": held})
+    later = histogram_flight("later", frames=120, noise=2)
+    for turned, refused in ((0.0, False), (np.nan, False), (2 * np.pi, False), (np.pi, True)):
+        attitude = np.column_stack([np.zeros((120, 2)), np.full(120, 0.1 + turned)])
+        if refused:
+            with pytest.raises(MapError, match="180 degrees to the map's heading"):
+                renewed(texton_map, replace(later, attitude=attitude), rng=rng)
+        else:
+            assert len(renewed(texton_map, replace(later, attitude=attitude), rng=rng)[0].time)
+
+
+def test_the_verdict_on_a_renewed_map_is_of_as_many_frames():
+    """Its stretches fell into the pause between the flights: few frames, and kind ones."""
+    rng = np.random.default_rng(0)
+    old = histogram_flight("old", frames=120)
+    texton_map = train_map(old, method="field", rng=rng)
+    new, _ = renewed(texton_map, histogram_flight("later", frames=120, noise=2), rng=rng)
+    judged = [assess(each, rng=np.random.default_rng(1)).frames for each in (texton_map, new)]
+    assert judged[1] > 1.5 * judged[0]

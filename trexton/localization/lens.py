@@ -14,18 +14,8 @@ _LONGEST = 100.0  # widths: a longer focal length is none, and a pixel so far of
 def learned_lens(flight: Flight, advice: str) -> np.ndarray:
     """``(6,)`` width, height, focal length, principal point in pixels, usual height in metres.
 
-    Parameters
-    ----------
-    flight : Flight
-    advice : str
-        What to do without them.
-
-    Raises
-    ------
-    MapError
-        The flight lacks images, heights above the floor or its camera.
-    FlightError
-        The camera takes pictures of another size.
+    Raises `MapError`, with `advice`, where the flight lacks images, heights above the floor or its
+    camera, and `FlightError` where the camera takes pictures of another size.
     """
     heights = np.empty(0) if flight.height is None else flight.height
     above = heights[np.isfinite(heights) & (heights > 0)]

@@ -13,11 +13,13 @@ from trexton.flights.flight import Flight, area_around
 from trexton.localization.alike import check_kind, fingerprints
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import full_histograms, with_parts
+from trexton.vision.camera import wrapped
 
 KEPT = ("appearance", "odometry")  # roles that learned of the camera, not of the floor
 APART_S = 0.5  # between frames that are compared; nearer ones show nearly the same
 USUAL_SHARE = 0.95  # of frames of one place that differ by less than what contradicts
-GAP_S = 60.0  # by which the later flight follows the map's
+GAP_S = 1.0  # by which the later flight follows the map's: stretches left out lie in flights
+MOST_TURNED = 0.5  # radians from the heading of the survey, in half of the frames
 
 
 def renewed(
@@ -41,7 +43,11 @@ def renewed(
     if beside > 0.5:
         found = f"{beside:.0%} of the positions of {flight.name!r} lie beside the map"
         raise MapError(f"{found}: give them from the same origin, or train on both flights")
+    far = np.hypot(*(high - low))
+    if ((later.position < low - far) | (later.position > high + far)).any():
+        raise MapError(f"{flight.name!r} has positions far beside the map: leave them empty")
     check_kind(later, texton_map)
+    _check_heading(later, texton_map)
     histograms = full_histograms(later, texton_map.dictionary, texton_map.cells)
     held = fingerprints(texton_map.positions, texton_map.histograms)
     again = len(held & fingerprints(later.position, histograms))
@@ -63,6 +69,16 @@ def renewed(
     )
     parts = {role: part.untrained() for role, part in texton_map.parts.items() if role not in KEPT}
     return with_parts(result, parts, rng=rng), int((~old).sum())
+
+
+def _check_heading(later: Flight, texton_map: TextonMap) -> None:
+    survey = getattr(texton_map.parts.get("appearance"), "survey_yaw", np.nan)
+    yaw = np.nan if later.attitude is None else later.attitude[:, 2]
+    off = np.abs(wrapped(yaw - survey)).ravel()
+    off = off[np.isfinite(off)]
+    if len(off) and (turned := float(np.median(off))) > MOST_TURNED:
+        found = f"{later.name!r} was flown at {np.degrees(turned):.0f} degrees"
+        raise MapError(f"{found} to the map's heading: fly it as the map was, or train anew")
 
 
 def contradicted(texton_map: TextonMap, histograms: np.ndarray, places: np.ndarray) -> np.ndarray:

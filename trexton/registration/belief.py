@@ -177,16 +177,8 @@ class ViewMotion:
     ) -> tuple[np.ndarray, float]:
         """``(K, 2)`` cells by which the view moved, one row a heading, and their deviation.
 
-        Parameters
-        ----------
-        shift : (K, 2) array
-            The same by odometry.
-        last : (2,) array or None
-            By odometry under the heading of the last pose; None where it is not known.
-        sure : float
-            The odometry's certainty.
-        steps : int
-            Frames since the last that came.
+        By odometry, which is so `sure`, these were `shift` ``(K, 2)``, and under the heading of the
+        last pose, where that is known, `last` ``(2,)``; `steps` frames ago one came.
         """
         self._fresh -= steps
         if self._fresh < 0:
