@@ -44,6 +44,17 @@ def test_places_that_contradict_those_of_exif_are_named(tmp_path):
         assert any("km from those in EXIF: are they of these" in line for line in said) == said_so
 
 
+def test_columns_of_the_pose_that_are_not_read_are_said(tmp_path):
+    """Heights and angles of a table were dropped without a word."""
+    source = photos(tmp_path / "p")
+    table(source, "file,lat,lon,relative_altitude,Yaw [deg],width", "{name},{lat},8,12,90,64")
+    said = import_flight(source, tmp_path / "out")[1]
+    (line,) = (each for each in said if "not read" in each)
+    assert "relative_altitude, Yaw [deg]: not read" in line
+    table(source, "file,lat,lon,alt,yaw_accuracy", "{name},{lat},8,412,1")
+    assert not any("not read" in each for each in import_flight(source, tmp_path / "other")[1])
+
+
 @pytest.mark.parametrize(("unit", "altitude"), [("_ft", 1312.336), (" [ft]", 1312.336), ("", 400)])
 def test_altitudes_of_a_table_may_be_in_feet(tmp_path, unit, altitude):
     source = photos(tmp_path / "p")

@@ -43,6 +43,7 @@ _COLUMNS = {
     "file": r"file|^image|^label|^photo|^name",
 }
 _UNTIMED = "photographs without a time: taken as one a second, by their names"
+_POSE = re.compile(r"(?i)(yaw|pitch|roll|heading|omega|kappa|relative)(?!.*(acc|std|err|ref))")
 _BAND = re.compile(r"[_-](\d{1,2}|[A-Za-z]{2,6})$")  # ends the names of multispectral bands
 
 
@@ -210,6 +211,9 @@ def _from_table(path: Path, shots: dict[Path, Shot], said: list[str]) -> dict[Pa
     for name in table.header:
         what = next((what for what, so in _COLUMNS.items() if re.search(so, name, re.I)), name)
         names.setdefault(what, name)
+    read_too = {names.get(what) for what in _COLUMNS}
+    if unread := [each for each in filter(_POSE.search, table.header) if each not in read_too]:
+        said.append(f"{path}: {', '.join(unread)}: not read, heights and angles are those of XMP")
     found = _by_name(path, table.texts(names.get("file", "file")), list(shots))
     rows = dict(sorted(found.items(), key=lambda each: each[1]))
     said += _left_out(f"{path}: rows whose photograph is not there", len(table) - len(rows))
