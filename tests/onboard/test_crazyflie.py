@@ -38,8 +38,8 @@ class Air(CRTPDriver):
             raise WrongUriType
         if uri == "air://none":
             raise Exception("Cannot find a Crazyradio Dongle")
-        type(self).opened += 1
         type(self).lost = staticmethod(on_error)
+        type(self).opened += 1
 
     def send_packet(self, packet):
         self.sent.append(bytes([packet.header]) + bytes(packet.data))
@@ -54,7 +54,8 @@ def air(monkeypatch):
     monkeypatch.setattr(Air, "sent", [])
     monkeypatch.setattr(Air, "opened", 0)
     monkeypatch.setattr(Air, "closed", 0)
-    return Air
+    yield Air
+    assert eventually(lambda: Air.opened == Air.closed)  # by its thread, not in the next test
 
 
 def was_sent(air, x: float) -> bool:
