@@ -107,15 +107,15 @@ def read(source: Path, settings: Settings) -> Recording:
         left = f"{sum(~shown)} images, {sum(~known)} positions"
         said.append(f"{source}: left out, for their headers have no stamp: {left}")
         numbers, shot = numbers[shown], [each[shown] for each in shot]
-        posed, values, rows = posed[known], values[known], posed[known].tolist()
+        posed, values = posed[known], values[known]
     if clock:
         said.append(f"{source}: headers without a stamp: messages are taken at the bag's own times")
-    elif len(rows) and len(numbers):
+    elif len(posed) and len(numbers):
         ahead = float(np.median(shot[0] - shot[1]) - np.median(posed[:, 0] - posed[:, 1])) / NANO
         if abs(ahead) > MOST_AHEAD:
             found = f"by the bag's times headers of images are {ahead:.2f} s ahead of positions'"
             said.append(f"{source}: {found}: two clocks? --offset {ahead:.2f} joins them")
-    where, lines = f"{source}, {poses}", range(1, len(rows) + 1)
+    where, lines = f"{source}, {poses}", range(1, len(posed) + 1)
     placed = PoseTrack(posed[:, clock], values[:, :3])
     track, taken = pose_track(placed, values[:, 3:], settings.axes, where, lines)
     frames = Forward(bag.source, numbers, partial(bag.messages, images), decoded)
