@@ -55,6 +55,14 @@ def test_replay_flies_what_its_map_did_not_see(plain):
         stretches(np.arange(20) * 0.25)
 
 
+def test_stretches_lie_where_was_flown():
+    """A flight with a pause of an hour was judged by the few frames about its ends."""
+    without = np.arange(600) * 0.1
+    paused = without + 3600.0 * (np.arange(600) >= 300)
+    for rows, same in zip(stretches(paused), stretches(without), strict=True):
+        assert np.abs(rows[[0, -1]] - same[[0, -1]]).max() <= 1
+
+
 def test_an_assessment_is_of_all_frames_and_of_what_is_claimed(plain):
     found = assess(plain, rng=np.random.default_rng(2))
     flown = list(replay(plain, samples=400, rng=np.random.default_rng(2)))

@@ -120,3 +120,11 @@ def test_agility_takes_accelerations_larger_than_flown(motion):
         Singer(agility=0.0)
     with pytest.raises(ParameterError, match="agility"):
         Singer(agility=np.inf)
+
+
+def test_any_length_of_flight_has_statistics():
+    """One of a certain length had a time constant that was no number."""
+    for count in range(3, 14):
+        time = np.arange(count) / 12
+        found = flight_statistics(np.c_[np.cos(time), np.sin(time)], time)
+        assert np.isfinite(found).all() and min(found) > 0, count

@@ -378,6 +378,7 @@ def test_a_copy_of_the_training_flight_is_no_test(tmp_path):
         ({"time": 0.0 - np.arange(40)}, "time -1.0 after 0.0 in row 1"),
         ({"time": np.r_[0:39, np.nan]}, "time nan after 38.0 in row 39"),
         ({"frame": np.zeros(40, int)}, "frame 0 after 0 in row 1"),
+        ({"frame": np.ma.masked_equal(np.arange(40), 7)}, "frame nan after 6.0 in row 7"),
         ({"frame": np.arange(40).astype(str)}, "frame of type <U21: expected numbers$"),
         ({"time": np.arange(40).astype("M8[us]")}, "type datetime64.us.: expected numbers of sec"),
         ({"position": [["here", 1]] * 40}, "position of type .*: expected numbers$"),

@@ -184,3 +184,9 @@ def test_an_estimate_without_velocity_stays_where_it_is():
 def test_nonsense_is_refused_by_the_touchdown_zone(bad):
     with pytest.raises(ParameterError, match="expected"):
         TouchdownZone((0, 0), 0.6, **bad)
+
+
+def test_a_touchdown_asks_for_the_seconds_of_the_search():
+    """Without them nothing would ever settle, and it never fired."""
+    with pytest.raises(ParameterError, match="the seconds since the search began is nan"):
+        TouchdownZone((0, 0)).update(moving((0, 0)))

@@ -1,5 +1,6 @@
 """The texton map and Algorithm 1: training, saving, stepping, and what it refuses."""
 
+import pickle
 from dataclasses import replace
 
 import cv2
@@ -228,7 +229,11 @@ def test_histograms_alone_make_a_map_and_refuse_images():
 @pytest.mark.parametrize("scale", [400, 0.1, -1])
 def test_counts_are_not_taken_for_shares(scale):
     flight = small_flight()
-    texton_map = train_map(flight, neighbors=3, rng=np.random.default_rng(0))
+    rows = flight.histograms.copy()
+    rows[3] = 0  # a frame in which nothing was found
+    texton_map = train_map(
+        replace(flight, histograms=rows), neighbors=3, rng=np.random.default_rng(0)
+    )
     localizer = Localizer(texton_map, rng=np.random.default_rng(0))
     with pytest.raises(MapError, match="relative frequencies, which sum to 1"):
         localizer.step(scale * flight.histograms[0])
@@ -255,6 +260,28 @@ def test_shares_with_a_trace_of_the_last_frame_are_taken(samples):
     texton_map = train_map(flight, neighbors=3, rng=np.random.default_rng(0))
     traced = flight.histograms[1] + flight.histograms[0] / samples
     assert Localizer(texton_map, rng=np.random.default_rng(0)).step(traced).observed
+
+
+def test_what_is_masked_is_no_frequency():
+    flight = small_flight()
+    texton_map = train_map(flight, neighbors=3, rng=np.random.default_rng(0))
+    masked = np.ma.masked_less(flight.histograms[0], flight.histograms[0].max())
+    with pytest.raises(MapError, match="finite frequencies"):
+        Localizer(texton_map, rng=np.random.default_rng(0)).step(masked)
+
+
+@pytest.mark.parametrize("method", ["paper", "field", "hmm"])
+def test_a_copy_of_a_localizer_goes_on_alike(method):
+    """Another process takes it as it is."""
+    flight = histogram_flight("hall", frames=80)
+    localizer = Localizer(
+        train_map(flight, method=method, rng=np.random.default_rng(0)), rng=np.random.default_rng(0)
+    )
+    for histogram in flight.histograms[:5]:
+        localizer.step(histogram)
+    copy = pickle.loads(pickle.dumps(localizer))
+    here, there = (each.step(flight.histograms[5]).position for each in (localizer, copy))
+    np.testing.assert_array_equal(here, there)
 
 
 def test_words_are_no_histogram():

@@ -153,6 +153,11 @@ def test_neighbours_are_no_more_than_frames(texton_map, tmp_path):
     path = stored(tmp_path / "map.npz", texton_map, time=texton_map.time[:4], **few)
     with pytest.raises(MapError, match="neighbours are at most 4"):
         load_map(path)
+    kept = path.read_bytes()
+    few = replace(texton_map, time=texton_map.time[:4], **few)
+    with pytest.raises(MapError, match="neighbours are at most 4"):
+        save_map(few, path)
+    assert path.read_bytes() == kept
 
 
 def test_a_map_of_a_method_that_is_gone_says_what_to_do():

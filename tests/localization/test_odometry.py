@@ -135,3 +135,9 @@ def test_what_it_lacks_is_said(flight, texton_map):
         Visual.from_arrays({"camera": whole.camera, "sigma": np.array([0.0, np.nan])})
     with pytest.raises(MapError, match="camera is"):
         Visual.from_arrays({"camera": np.zeros(3), "sigma": whole.sigma})
+
+
+@pytest.mark.parametrize("velocity", [1.0, np.zeros(3), np.zeros((1, 2))])
+def test_a_velocity_has_two_axes(velocity):
+    with pytest.raises(ParameterError, match=r"a velocity of shape .* was given: expected \(2,\)"):
+        Aiding(velocity=velocity)

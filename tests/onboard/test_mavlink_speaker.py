@@ -88,6 +88,14 @@ class TestSpeaker:
         apart = np.abs(sent[~images, None] - captured[None]).min(axis=1)
         assert apart.min() >= 0.02 and (np.diff(sent) > 0.02).all()
 
+    @pytest.mark.parametrize("profile", PROFILES)
+    def test_an_image_older_than_a_repetition_is_left_out(self, profile):
+        """Held up by more than the lag: an estimator takes no stamp that runs backwards."""
+        captured = np.array([10.0, 10.05, 10.13, 10.21])
+        sent = self.sent(profile, captured, captured + [0.02, 0.16, 0.09, 0.09])
+        assert (np.diff(sent) > 0).all()
+        assert [round(1e6 * stamp) in sent for stamp in captured] == [True, False, True, True]
+
     @staticmethod
     def sent(profile, captured, arrived) -> list[int]:
         """The stamps in microseconds of what is sent of images that arrive so, in its order."""

@@ -22,6 +22,7 @@ from trexton.localization.training_set import EXCLUDED_SECONDS
 WARM_S = 2.0  # in which a filter settles: flown, but not judged
 STRETCH_S = 5.0
 MOST_STRETCHES = 8
+PAUSE = 1.5  # of the frames' period: what is longer is a pause by the rest
 LEAST_COVERAGE = 0.8  # of the 90 % region, for a covariance that others may believe
 
 
@@ -85,6 +86,9 @@ def stretches(time: np.ndarray) -> list[np.ndarray]:
     MapError
         The flight is too short.
     """
+    gaps = np.diff(time)
+    paused = np.maximum(gaps - PAUSE * np.median(gaps), 0)  # there nothing was flown
+    time = time - np.append(0, paused.cumsum())
     lasts = float(time[-1] - time[0])
     if lasts < (least := 4 * (WARM_S + 1)):
         raise MapError(f"{lasts:.1f} s of flight: record a longer one, of at least {least:g} s")

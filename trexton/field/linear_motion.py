@@ -144,7 +144,7 @@ def flight_statistics(positions: np.ndarray, time: np.ndarray) -> tuple[float, f
     middle = np.arange(REACH, len(time) - REACH)
     span = time[middle + REACH] - time[middle - REACH]
     middle = middle[span <= 1.5 * 2 * REACH * period]
-    if len(middle) < 2 * REACH:
+    if len(middle) <= 2 * REACH:
         reach = float(np.hypot(*np.diff(positions, axis=0).T).mean()) + 1e-6
         return reach / period, reach / period**2, period
     before, here, after = (positions[middle + offset] for offset in (-REACH, 0, REACH))

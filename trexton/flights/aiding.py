@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trexton.base.errors import ParameterError
+
 # Seconds from the frame: a vehicle in a gust tilts by degrees in a tenth of a second; its height
 # and velocity change more slowly.
 ATTITUDE_AGE, OTHER_AGE = 0.1, 0.3
@@ -49,6 +51,8 @@ class Aiding:
         for name in ("roll", "pitch", "yaw", "height"):  # of a velocity the filter says it
             if (value := getattr(self, name)) is not None and not np.isfinite(value):
                 object.__setattr__(self, name, None)
+        if self.velocity is not None and (shape := np.shape(self.velocity)) != (2,):
+            raise ParameterError(f"a velocity of shape {shape} was given: expected (2,), x and y")
 
     def at(self, time: float) -> Aiding:
         """Only what is of that moment: what bears no stamp, or one too far from `time`, is left

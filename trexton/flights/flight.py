@@ -139,7 +139,7 @@ class Flight:
             raise FlightError(
                 f"flight {self.name!r} has {key} of type {numbers.dtype}: expected numbers{unit}"
             )
-        if key != "frame":
+        if key != "frame" or np.ma.is_masked(value):
             numbers = np.ma.filled(np.ma.asarray(value, dtype=float), np.nan)
         if key == "histograms" and not np.isfinite(numbers).all():
             found = f"flight {self.name!r} has histograms that are not finite: leave those "

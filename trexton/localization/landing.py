@@ -141,8 +141,9 @@ class TouchdownZone(LandingZone):
         chance = self.chance(estimate)
         return chance >= self.wanted(elapsed_s) and chance >= self.chance(estimate, LATER_S)
 
-    def update(self, estimate: Estimate, elapsed_s: float = 0.0) -> bool:
-        """See `LandingZone.update`; never while the estimates have not settled."""
+    def update(self, estimate: Estimate, elapsed_s: float = math.nan) -> bool:
+        """As of `LandingZone`, but the seconds must be given; never before estimates settled."""
+        elapsed_s = number(elapsed_s, "the seconds since the search began")
         before, self._before = self._before, (elapsed_s, estimate)
         if before is None or estimate.lost or self._jumped(*before, estimate, elapsed_s):
             self._unsettled_s = elapsed_s

@@ -91,7 +91,7 @@ class Localizer:
             samples = whole(samples, "samples", 1, MOST_SAMPLES)
         parts: dict[str, Any] = texton_map.parts
         self.map, self.parts, self.samples, self.rng = texton_map, parts, samples, rng
-        self._nearest, self._mark = nearest, mark or (lambda stage: None)
+        self._nearest, self._mark = nearest, mark or str
         self.filter: RunningFilter = parts["filter"].open(parts, texton_map, rng)
         appearance = parts.get("appearance")
         self._appearance = None if appearance is None else appearance.open(texton_map, rng)
@@ -114,7 +114,8 @@ class Localizer:
         """Whether the map holds relative frequencies, not values of other features."""
         rows = self.map.histograms
         sums = np.abs(rows.sum(axis=1) - 1) <= SUM_TOLERANCE
-        return bool(sums.all() and (rows >= 0).all())
+        some = rows.any(axis=1)  # in an empty frame nothing was found to count
+        return bool(some.any() and sums[some].all() and (rows >= 0).all())
 
     def reset(self) -> None:
         """Forget where the vehicle was."""
@@ -248,7 +249,7 @@ class Localizer:
         width = self.map.histograms.shape[1]
         if isinstance(frame, np.ndarray) and frame.ndim == 1:
             numbers = frame.dtype.kind in "fiu" and np.isfinite(frame).all()
-            if frame.shape != (width,) or not numbers:
+            if frame.shape != (width,) or not numbers or np.ma.is_masked(frame):
                 raise MapError(
                     f"a histogram of {frame.dtype} of shape {frame.shape} was given: "
                     f"this map takes {width} finite frequencies"

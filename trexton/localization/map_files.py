@@ -25,9 +25,10 @@ SCHEMA, READ = 3, (2, 3)  # written; and read
 
 
 def save_map(texton_map: TextonMap, path: str | os.PathLike[str]) -> Path:
-    """Write a map as ``.npz``, whole or not at all."""
+    """Write a map as ``.npz``, whole or not at all; `MapError` as of `check_map`."""
     from trexton.base.files import write_file  # as a flight only reads
 
+    check_map(texton_map)
     content = io.BytesIO()  # a ZipFile on a full disk complains once more when it is dropped
     np.savez_compressed(content, **_counted(texton_map))  # type: ignore[arg-type]
     write_file(path, content.getvalue())

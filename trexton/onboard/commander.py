@@ -179,8 +179,7 @@ class Commander:
         for result in results:
             if result == ACCEPTED:  # in whatever state: the vehicle lands
                 if self.state not in (State.LANDING, State.LANDED, State.ABORTED):
-                    self._before, self._during = {}, {}
-                    self._become(State.LANDING, "accepted")
+                    self._begin_landing("accepted")
             elif result in (IN_PROGRESS, TEMPORARILY_REJECTED):
                 self._ask_at = now + ANSWER_WITHIN  # it is there: give it time, then ask again
                 self._put_off = REASONS[result]
@@ -191,8 +190,7 @@ class Commander:
         grounded, pending = self._grounded(), (State.WATCHING, State.ASKED, State.UNANSWERED)
         lands = any(lander.phase().get("landing") for lander in self._landers)
         if lands and self._sent and self.state in pending:  # the answer was lost
-            self._before, self._during = {}, {}
-            self._become(State.LANDING, "by its own word, no answer came")
+            self._begin_landing("by its own word, no answer came")
         if self.state is State.LANDING and any(grounded):
             self._become(State.LANDED, "the autopilot says that it is on the ground")
         elif self.state is State.LANDED and grounded and all(on is False for on in grounded):
@@ -200,6 +198,10 @@ class Commander:
             self._end_visit("in the air again")
         elif self.state is State.LANDING and self._is_aborted():
             self._become(State.ABORTED, "accepted, then ended by the pilot or the autopilot")
+
+    def _begin_landing(self, why: str) -> None:
+        self._before, self._during = {}, {}
+        self._become(State.LANDING, why)
 
     def _become(self, state: State, why: str, **more: object) -> None:
         self.state, self.why = state, why

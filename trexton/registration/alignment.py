@@ -51,15 +51,7 @@ class Candidate:
 
 
 class Aligner:
-    """Aligns shrunken frames with the floor.
-
-    Parameters
-    ----------
-    ground : Ground
-        About as fine as the shrunken frames.
-    camera : Camera
-        Of the shrunken frames.
-    """
+    """Aligns shrunken frames, as `camera` takes them, with a floor about as fine as they are."""
 
     def __init__(self, ground: Ground, camera: Camera):
         self.ground, self.camera = ground, camera

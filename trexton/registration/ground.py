@@ -121,12 +121,8 @@ class CoarseMatcher:
     "Masked object registration in the Fourier domain", 2012). What depends on the map and on the
     footprint's shape alone is kept for each heading and height that comes by.
 
-    Parameters
-    ----------
-    ground : Ground
-        With a margin of half a footprint around what is mapped.
-    camera : Camera
-        Of the shrunken frames that `response` takes.
+    The `ground` has a margin of half a footprint around what is mapped; the `camera` is that of the
+    shrunken frames that `response` takes.
     """
 
     def __init__(self, ground: Ground, camera: Camera):

@@ -73,12 +73,8 @@ def _develop(
 class Sensor:
     """Turns scenes into frames.
 
-    Parameters
-    ----------
-    effects : Effects
-        Vignetting, noise, chroma subsampling and JPEG are the sensor's.
-    rng : numpy.random.Generator
-        Draws the noise once; each frame sees another part of it.
+    Vignetting, noise, chroma subsampling and JPEG of the `effects` are the sensor's. Its noise is
+    drawn once; each frame sees another part of it.
     """
 
     def __init__(self, camera: Camera, effects: Effects, rng: np.random.Generator):

@@ -67,7 +67,7 @@ class Speaker:
         self.withheld = 0
         self.commands: deque[Any] = deque()
         self._fix: Fix | None = None  # the latest that an image went into, or that is not usable
-        self._told_at = -np.inf
+        self._told_at = self._said = -np.inf  # when it came; the latest stamp that was sent
         self._next_at = -np.inf  # when it is to be sent: at once, then for want of another
         self._due: dict[str, float] = {}
         self._origin_attempts, self._confirmed = 0, False
@@ -181,6 +181,9 @@ class Speaker:
                 return []
             else:
                 failed = True
+        if stamp <= self._said and not failed:  # an image held up by more than the lag
+            return []
+        self._said = stamp
         if failed:
             report = Report(stamp, fix.position, fix.covariance, attitude, fix.resets)
         else:

@@ -25,13 +25,6 @@ class FlightSource(Source):
     Every frame comes in order; stamps and numbers of further laps go on where the last one ended.
     At the pace of its stamps it is like a camera: each frame is held back until its time has come,
     and stamped with the clock; who is slow misses frames.
-
-    Parameters
-    ----------
-    flight : Flight
-    laps : int
-    folder : str, optional
-    pace : {"fast", "stamps"}
     """
 
     flight: Flight
