@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -88,7 +87,7 @@ class TrackFilter:
         self._tiles = len(measurement.offsets) > 1
         self._novelty = TILE_NOVELTY_THRESHOLD if self._tiles else NOVELTY_THRESHOLD
         self._confirming_s = CONFIRMED_S if self._tiles else 0.0
-        self._independent_s = cache(partial(self.hypotheses.independent_s, self._white))
+        self._independent: dict[float | None, float] = {}  # seconds, by the velocity's deviation
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
         self._recent = RecentFrames(measurement)
@@ -287,12 +286,14 @@ class TrackFilter:
         inflation = self.measurement.correlated_inflation(states[:1, :2]) * unfamiliar**4
         joint[:2, :2] += (inflation - 1) * hypotheses.error_variance
         lost = self._doubtful() or self._supported_s < self._confirming_s
+        if (sigma := self._sigma) not in self._independent:
+            self._independent[sigma] = hypotheses.independent_s(self._white, sigma)
         position, velocity = states[0, :2].copy(), states[0, 2:].copy()
         return Estimate(
             position,
             joint[:2, :2],
             lost=lost,
-            measurement=Measurement(position, joint[:2, :2], self._independent_s(self._sigma)),
+            measurement=Measurement(position, joint[:2, :2], self._independent[sigma]),
             velocity=velocity,
             joint=joint,
             velocity_bias=self._bias,
