@@ -31,7 +31,14 @@ def place(i: float) -> tuple[float, float]:
 
 
 def bag(
-    path: Path, stamped=True, constant=0, encoding="mono8", ros2=False, zero_turns=(), cut=()
+    path: Path,
+    stamped=True,
+    constant=0,
+    encoding="mono8",
+    ros2=False,
+    zero_turns=(),
+    cut=(),
+    rows=range(8),
 ) -> Path:
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -50,7 +57,7 @@ def bag(
     with writer:
         images = writer.add_connection("/image", "sensor_msgs/msg/Image", typestore=store)
         poses = writer.add_connection("/pose", "geometry_msgs/msg/PoseStamped", typestore=store)
-        for i in range(8):
+        for i in rows:
             now = 1_700_000_000 * N + i * N // 20
             x, y = place(i)
             pose = kinds["geometry_msgs/msg/Pose"](
@@ -119,6 +126,26 @@ def test_bags_without_stamps_and_their_files(tmp_path):
     flight, said = import_flight(bag(tmp_path / "z.bag", zero_turns=(3,)), tmp_path / "zero")
     assert any("1 rows without an attitude, left out" in line for line in said)
     assert np.isfinite(flight.position[3]).all()  # between its neighbours
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+def test_a_folder_of_the_pieces_of_a_bag(tmp_path, kind):
+    """As recording by size or time leaves them, without the metadata of ROS 2."""
+    folder = tmp_path / "split"
+    folder.mkdir()
+    for number, rows in ((0, range(3)), (1, range(3, 8)), (2, range(2))):
+        made = bag(tmp_path / f"{number}.{kind}", ros2=kind == "mcap", rows=rows)
+        piece = next(made.glob("*.mcap")) if made.is_dir() else made
+        piece.rename(folder / f"split_{number}.{kind}")
+        if number == 1:
+            flight, _ = import_flight(folder, tmp_path / "out")
+            np.testing.assert_allclose(flight.time, np.arange(8) / 20)
+            np.testing.assert_allclose(flight.position, [place(i) for i in range(8)])
+            whole, _ = import_flight(bag(tmp_path / "whole.bag"), tmp_path / "whole")
+            for row in range(8):
+                np.testing.assert_array_equal(flight.image(row), whole.image(row))
+    with pytest.raises(FlightError, match="its files are of the same time"):
+        import_flight(folder, tmp_path / "copies")
 
 
 def test_a_piece_of_a_bag_that_is_named_twice_is_refused(tmp_path):

@@ -48,6 +48,28 @@ def test_frames_of_a_changed_place_are_replaced_and_others_stay(method):
     assert error(new) < error(texton_map)
 
 
+def test_a_changed_place_is_found_by_values_below_zero():
+    """Roots of strengths of signals are all zero: no old frame was ever replaced."""
+    rng = np.random.default_rng(0)
+
+    def signals(flight):
+        return replace(flight, features="signals", histograms=100 * flight.histograms - 90)
+
+    texton_map = train_map(signals(histogram_flight("old", frames=120)), method="field", rng=rng)
+    later = histogram_flight("later", frames=120, noise=2)
+    assert renewed(texton_map, signals(changed(later)), rng=rng)[1] > 20
+    assert renewed(texton_map, signals(later), rng=rng)[1] < 12
+
+
+def test_counts_do_not_renew_relative_frequencies():
+    rng = np.random.default_rng(0)
+    texton_map = train_map(histogram_flight("old", frames=120), rng=rng)
+    later = histogram_flight("later", frames=120, noise=2)
+    counts = replace(later, features="counts", histograms=400 * later.histograms)
+    with pytest.raises(MapError, match="divide counts by their sum"):
+        renewed(texton_map, counts, rng=rng)
+
+
 def test_frames_that_the_map_has_are_refused():
     """Each left-out frame found its own copy: any map became honest, and landed."""
     old = histogram_flight("old", frames=120)

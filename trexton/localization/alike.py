@@ -8,6 +8,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.localization.texton_map import TextonMap
+from trexton.vision.histograms import SUM_TOLERANCE
 
 if TYPE_CHECKING:
     from trexton.flights.flight import Flight
@@ -48,6 +49,13 @@ def _frames(known: TextonMap | Flight) -> str:
         return f"{0 if known.histograms is None else known.histograms.shape[1]} features a frame"
     lens = "undistorted " * bool(known.rectification and known.rectification.distortion)
     return f"{lens}images of {shape[1]}x{shape[0]} pixels"
+
+
+def are_shares(histograms: np.ndarray) -> bool:
+    """Whether ``(N, K)`` histograms are relative frequencies, not counts or other features."""
+    some = histograms[histograms.any(axis=1)]  # in an empty frame nothing was found to count
+    sums = np.abs(some.sum(axis=1) - 1) <= SUM_TOLERANCE
+    return bool(len(some) and sums.all() and (some >= 0).all())
 
 
 def fingerprints(places: np.ndarray, values: np.ndarray | None) -> set[bytes]:

@@ -15,13 +15,14 @@ from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.base.options import whole
 from trexton.base.streams import generator
 from trexton.flights.aiding import Aiding
+from trexton.localization.alike import are_shares
 from trexton.localization.estimate import Estimate
 from trexton.localization.filters import RunningFilter
 from trexton.localization.neighbors import NearestHistograms, Neighbors
 from trexton.localization.observation import Observation
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import for_method, with_choices
-from trexton.vision.histograms import SUM_TOLERANCE, sampled_histogram, texton_histogram
+from trexton.vision.histograms import sampled_histogram, texton_histogram
 from trexton.vision.images import MOST_SAMPLES, check_image
 
 __all__ = ["Estimate", "Localizer", "TextonMap"]
@@ -112,10 +113,7 @@ class Localizer:
     @cached_property
     def _shares(self) -> bool:
         """Whether the map holds relative frequencies, not values of other features."""
-        rows = self.map.histograms
-        sums = np.abs(rows.sum(axis=1) - 1) <= SUM_TOLERANCE
-        some = rows.any(axis=1)  # in an empty frame nothing was found to count
-        return bool(some.any() and sums[some].all() and (rows >= 0).all())
+        return are_shares(self.map.histograms)
 
     def reset(self) -> None:
         """Forget where the vehicle was."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.flights.flight import Flight, area_around
-from trexton.localization.alike import check_kind, fingerprints
+from trexton.localization.alike import are_shares, check_kind, fingerprints
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import full_histograms, with_parts
 from trexton.vision.camera import wrapped
@@ -49,6 +49,9 @@ def renewed(
     check_kind(later, texton_map)
     _check_heading(later, texton_map)
     histograms = full_histograms(later, texton_map.dictionary, texton_map.cells)
+    if are_shares(texton_map.histograms) != are_shares(histograms):
+        found = f"of the map and of {flight.name!r} one holds relative frequencies"
+        raise MapError(f"{found}, the other does not: divide counts by their sum")
     held = fingerprints(texton_map.positions, texton_map.histograms)
     again = len(held & fingerprints(later.position, histograms))
     if again > len(later) / 20:  # no left-out block would be without them
@@ -89,7 +92,11 @@ def contradicted(texton_map: TextonMap, histograms: np.ndarray, places: np.ndarr
     apart = np.hypot(*(positions[:, None] - positions).T)
     apart[np.abs(time[:, None] - time) < APART_S] = np.inf
     reach = float(np.median(apart.min(axis=1)))
-    own, later = (np.sqrt(np.maximum(each, 0)) for each in (texton_map.histograms, histograms))
+    own, later = texton_map.histograms, histograms
+    if (own < 0).any():  # values, in units of their deviations
+        own, later = (each / np.maximum(own.std(axis=0), 1e-9) for each in (own, later))
+    else:
+        own, later = (np.sqrt(np.maximum(each, 0)) for each in (own, later))
     unlike = np.linalg.norm(own - own[apart.argmin(axis=1)], axis=1)
     distance = np.hypot(*(positions[:, None] - places).transpose(2, 0, 1))
     nearest, rows = distance.argmin(axis=1), np.arange(len(positions))

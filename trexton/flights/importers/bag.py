@@ -30,6 +30,7 @@ MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacke
 MOST_AHEAD = 0.5  # seconds, of one clock: what a message of one kind travels longer than another
 MOST_TIMES = 1000  # the size of the file: more is not unpacked of it on one way through
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+KINDS = (".bag", ".mcap", ".db3")
 _ADVICE = "mend it with rosbag reindex, mcap recover or ros2 bag reindex"
 # where the place and the attitude of each kind of message are
 POSES = {
@@ -68,7 +69,7 @@ class Settings(Options):
 
 
 def recognises(source: Path) -> bool:
-    return source.suffix in (".bag", ".mcap", ".db3") or (source / "metadata.yaml").is_file()
+    return source.suffix in KINDS or (source / "metadata.yaml").is_file() or bool(_pieces(source))
 
 
 def read(source: Path, settings: Settings) -> Recording:
@@ -140,9 +141,14 @@ class _Bag:
         with reading(self.source, "bag", _ADVICE):
             _bound_unpacking(self.source)
             _check_tables(self.source)
-            reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+            paths = _pieces(self.source) or [self.source]
+            reader = AnyReader(paths, default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
-            _check_named_once(*reader.readers)
+            for each in reader.readers:
+                _check_named_once(each)
+            spans = sorted((each.start_time, each.end_time) for each in reader.readers)
+            if any(start < end for (_, end), (start, _) in pairwise(spans)):
+                raise ValueError("its files are of the same time, expected pieces of one recording")
         return closing(reader)
 
     def topic(self, types: tuple[str, ...], wanted: str) -> str:
@@ -164,6 +170,14 @@ class _Bag:
                     message = reader.deserialize(data, connection.msgtype)
                     stamp = message.header.stamp
                     yield int(stamp.sec) * NANO + int(stamp.nanosec), recorded, message
+
+
+def _pieces(source: Path) -> list[Path]:
+    """The files of a folder that are those of one recording, which was split, and say no more."""
+    if not source.is_dir() or (source / "metadata.yaml").is_file():
+        return []
+    files = sorted(source.iterdir())
+    return files if {each.suffix for each in files} in [{kind} for kind in KINDS] else []
 
 
 def _bound_unpacking(source: Path) -> None:
