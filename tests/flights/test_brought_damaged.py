@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_logs import ardupilot_log
 from test_brought_photos import photo
 from test_import import picture
 from test_plausibility import SOUND, UNITS, sound
@@ -19,6 +20,7 @@ from test_plausibility import SOUND, UNITS, sound
 from trexton.base.errors import FlightError, TrextonError
 from trexton.flights.importers.bag import _decoded
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording
+from trexton.flights.importers.tracks import TrackColumns, read_track
 from trexton.flights.importing import Common, _placed, import_flight
 from trexton.flights.plausibility import warnings
 from trexton.vision.images import decode_image
@@ -171,3 +173,16 @@ def test_images_in_the_order_of_text_are_asked_about(tmp_path, names, asked):
     said = " ".join(import_flight(tmp_path / "table.csv", tmp_path / "out")[1])
     assert ("in the order of names as text, f10.png before f2.png" in said) == asked
     assert "order of names" not in said or asked
+
+
+def test_a_damaged_log_is_said_once(tmp_path, capfd):
+    """Its reader wrote a line for every byte, and nobody told of the positions that were gone."""
+    log, path = ardupilot_log(400), tmp_path / "l.bin"
+    middle = len(log) // 2
+    path.write_bytes(log[:middle] + bytes(37) + log[middle + 37 :])
+    track, said = read_track(path, TrackColumns())
+    assert len(track.time_ns) in range(395, 400) and len(said) == 1
+    assert "damaged, parts were passed over" in said[0]
+    path.write_bytes(log)
+    assert read_track(path, TrackColumns())[1] == []
+    assert capfd.readouterr().err == ""

@@ -5,7 +5,7 @@
 import io
 import re
 from collections.abc import Iterator
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from trexton.flights.importers.recording import (
     nanoseconds,
     reading,
     together,
+    told,
 )
 
 # Messages of ArduPilot that hold a position, the best first, or an attitude, and their parts.
@@ -35,19 +36,24 @@ _GPS = re.compile(rf"GPS\s*\({_NUMBER},\s*{_NUMBER}")
 _AUTEL = re.compile(rf"GPS\s*\(([EW]):\s*{_NUMBER},\s*([NS]):\s*{_NUMBER}")
 _PLACE = re.compile(rf"latitude\s*:\s*{_NUMBER}.*?longt?itude\s*:\s*{_NUMBER}", re.S)
 _HEIGHT = re.compile(rf"(?:rel_alt\s*:|\bH|BAROMETER\s*:)\s*{_NUMBER}\s*(ft|feet)?")
+_SKIPPED = re.compile(r"(?m)^(?:bad header|unknown msg|Skipped).*")
 _CLOCK = re.compile(r"(\d{1,6}):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 
 
-def read_log(path: Path) -> PoseTrack | None:
-    """The track in a log; None where the suffix is of none. Raises `FlightError` where the log
-    cannot be read, or holds no position.
+def read_log(path: Path) -> tuple[PoseTrack, list[str]] | None:
+    """The track in a log, and what to know of it; None where the suffix is of none. Raises
+    `FlightError` where the log cannot be read, or holds no position.
     """
     if (read := _READERS.get(path.suffix.lower())) is None:
         return None
-    track = read(path)
+    with told(_SKIPPED) as skipped, redirect_stdout(out := io.StringIO()), redirect_stderr(out):
+        track = read(path)
     if track is None or not len(track.time_ns):
         raise FlightError(f"{path}: no position in it: is it a log, and was there a fix?")
-    return track
+    track, said = track.ordered(str(path))
+    if skipped := skipped + _SKIPPED.findall(out.getvalue()):  # every byte of it
+        said.append(f"{path}: damaged, parts were passed over (first: {skipped[0]})")
+    return track, said
 
 
 def _earthly(rows: np.ndarray, attitude: np.ndarray | None = None) -> PoseTrack | None:
@@ -86,8 +92,7 @@ def _subtitles(path: Path) -> PoseTrack | None:
 
 def _messages(path: Path) -> Iterator[tuple[str, list[float]]]:
     """Kind, seconds and values of each message of the first instance in a log of ArduPilot."""
-    # It prints every byte that it skips.
-    with redirect_stdout(io.StringIO()), reading(path, "log", "copy it again"):
+    with reading(path, "log", "copy it again"):
         from pymavlink.DFReader import DFReader_binary
 
         class Log(DFReader_binary):  # type: ignore[misc]
@@ -140,7 +145,7 @@ class _Finite(io.BufferedReader):
 
 
 def _px4(path: Path) -> PoseTrack | None:
-    with redirect_stdout(io.StringIO()), reading(path, "log", "copy it again"):
+    with reading(path, "log", "copy it again"):
         from pyulog import ULog
 
         log = ULog(_Finite(path), ["vehicle_local_position", "vehicle_attitude"])

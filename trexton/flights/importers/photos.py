@@ -89,7 +89,7 @@ def read(source: Path, settings: Settings) -> Recording:
         fixed = "of a camera that is fixed to its vehicle set Orientation to 1"
         said.append(f"EXIF turns {turned} of {len(files)} photographs as they are read: {fixed}")
     if settings.positions and (log := read_log(path)) is not None:
-        track, words = log.ordered(str(path))
+        track, words = log
         words += missing_zones(shots, 0)
         if not any(shot.time_ns for shot in shots.values()):
             raise FlightError(f"{source}: no time in EXIF, by which {path.name} tells their places")

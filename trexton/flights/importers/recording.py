@@ -5,8 +5,11 @@
 
 from __future__ import annotations
 
+import os
+import re
+import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -168,6 +171,21 @@ def reading(path: Path, kind: str, advice: str) -> Iterator[None]:
     except Exception as error:  # whatever it raises of a damaged file
         said = (str(error).splitlines() or [type(error).__name__])[0]
         raise FlightError(f"{path}: not a readable {kind} ({said}): {advice}") from None
+
+
+@contextmanager
+def told(pattern: re.Pattern[str]) -> Iterator[list[str]]:
+    """What libraries say of damage meanwhile, which some do on standard error alone."""
+    found: list[str] = []
+    with tempfile.TemporaryFile() as stream, os.fdopen(os.dup(2), "w") as kept:
+        os.dup2(stream.fileno(), 2)
+        try:
+            with redirect_stderr(kept):
+                yield found
+        finally:
+            os.dup2(kept.fileno(), 2)
+        stream.seek(0)
+        found += pattern.findall(stream.read().decode("latin-1"))
 
 
 def unreadable(images: Sequence[object]) -> list[str]:

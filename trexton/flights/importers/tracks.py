@@ -154,7 +154,7 @@ def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]
     than the defaults are asked for.
     """
     if (log := read_log(path)) is not None:
-        return log.ordered(str(path))
+        return log
     if (captured := read_mocap(path, columns.body)) is not None:
         table, names, said = captured
         usual = TrackColumns().as_dict()

@@ -2,11 +2,8 @@
 clocks is given, or found by their motion.
 """
 
-import os
 import re
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +15,14 @@ from trexton.base.options import option
 from trexton.base.pictures import damage
 from trexton.base.progress import progress
 from trexton.flights.frames import Forward
-from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside, nanoseconds
+from trexton.flights.importers.recording import (
+    NANO,
+    PoseTrack,
+    Recording,
+    beside,
+    nanoseconds,
+    told,
+)
 from trexton.flights.importers.tracks import TrackColumns, read_track
 from trexton.vision.images import check_capture
 from trexton.vision.time_offset import small
@@ -122,7 +126,7 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     capture = cv2.VideoCapture(str(source))
     announced, rate = map(capture.get, (cv2.CAP_PROP_FRAME_COUNT, cv2.CAP_PROP_FPS))
     before = None
-    with _told() as errors:
+    with told(_ERRORS) as errors:
         for stamp, frame in progress(_stamped(source), "video"):
             luma = small(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., None]).astype(np.float32)
             across, down = (0.0, 0.0) if before is None else cv2.phaseCorrelate(before, luma)[0]
@@ -156,21 +160,6 @@ def _damaged(video: Path) -> list[int]:
         while (got := capture.read())[0]:
             damaged.append(damage(got[1].tobytes()) != "")
     return np.flatnonzero(damaged).tolist()
-
-
-@contextmanager
-def _told() -> Iterator[list[str]]:
-    """What decoders say of damage meanwhile, which they do on standard error alone, and fill."""
-    errors: list[str] = []
-    with tempfile.TemporaryFile() as stream, os.fdopen(os.dup(2), "w") as kept:
-        os.dup2(stream.fileno(), 2)
-        try:
-            with redirect_stderr(kept):
-                yield errors
-        finally:
-            os.dup2(kept.fileno(), 2)
-        stream.seek(0)
-        errors += _ERRORS.findall(stream.read().decode("latin-1"))
 
 
 def _stamped(video: Path) -> Iterator[tuple[float, np.ndarray]]:
