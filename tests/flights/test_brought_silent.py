@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 import pytest
 from conftest import small_flight
-from small_logs import ardupilot_log
+from small_logs import ardupilot_log, subtitles
+from small_recording import film
 from test_brought_photos import photo, photos
 from test_import import picture, write_bag
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.flights.importers import bag
+from trexton.flights.importers import bag, video
 from trexton.flights.importers.signals import Settings, read
 from trexton.flights.importers.tracks import TrackColumns, read_track
 from trexton.flights.importing import import_flight
@@ -224,3 +225,16 @@ def test_what_is_no_log_is_refused_before_its_reader_tells_of_every_byte(tmp_pat
     with pytest.raises(FlightError, match="no log of ArduPilot"):
         read_track(tmp_path / "images.bin", TrackColumns())
     assert capfd.readouterr() == ("", "")
+
+
+def test_subtitles_of_a_video_whose_first_frame_comes_later(tmp_path, monkeypatch):
+    """Its stamps were counted from the first frame, those of the subtitles were not."""
+    path, own = film(tmp_path / "v.avi", map(picture, range(20))), video._stamped
+    (tmp_path / "v.srt").write_text(subtitles(40))
+    later = lambda file: ((0.5 + stamp, frame) for stamp, frame in own(file))  # noqa: E731
+    places = []
+    for stamped in (own, later):
+        monkeypatch.setattr(video, "_stamped", stamped)
+        flight, _ = import_flight(path, tmp_path / f"{len(places)}")
+        places.append(flight.position[:, 1])
+    np.testing.assert_allclose(places[1][:8] - places[0][0], 1.112 * np.arange(10, 18), atol=0.05)

@@ -61,10 +61,11 @@ def read(source: Path, settings: Settings) -> Recording:
         raise ParameterError(f"{source}: a video has no positions: name a table, --positions FILE")
     track, read_so = read_track(path, settings)
     stamps, motion, cut = _scan(source)
+    stamps, start = stamps - stamps[0], float(stamps[0])
     if settings.offset is not None:
         offset, said = settings.offset, f"time offset {settings.offset:g} s, as given"
     elif not settings.positions:
-        offset, said = 0.0, f"positions of {path.name}, on the video's clock"
+        offset, said = start, f"positions of {path.name}, on the video's clock"
     else:
         offset, alike = estimate_offset(stamps, motion, track)
         said = f"time offset {offset:.2f} s, estimated from the motion (correlation {alike:.2f})"
@@ -145,7 +146,7 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
         words = f"{source}: its decoder tells of {len(errors)} errors: frames are made up in part"
         cut.append(f"{words}: copy it again (first: {errors[0]})")
     motion = np.array(moved) / np.maximum(np.diff(stamps, prepend=stamps[0] - 1), 1e-3)
-    return stamps - stamps[0], motion, cut
+    return stamps, motion, cut
 
 
 def _damaged(video: Path) -> list[int]:
