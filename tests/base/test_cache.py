@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import subprocess
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import trexton
-from trexton.base.cache import _hash_and_imports, _locked, cached, code_hashes
+from trexton.base.cache import _hash_and_imports, cached, code_hashes
 from trexton.localization.methods import ROLES
 
 # In a copy of the package: change a constant of one reached module after the other, ask each time.
@@ -111,33 +110,29 @@ def test_of_processes_that_ask_at_once_one_computes_and_the_others_wait(tmp_path
     assert [path.suffix for path in tmp_path.iterdir()] == [".npz"]
 
 
-def test_locks_of_killed_runs_go_and_those_that_are_held_stay(tmp_path, monkeypatch):
+def test_a_lock_that_a_killed_run_left_is_taken(tmp_path, monkeypatch):
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
-    left, held = (tmp_path / f"thing-{digit * 24}.lock" for digit in "0f")
-    others = tmp_path / "uv.lock"
-    for each in (left, others):
-        each.write_text("of nobody")
-    with _locked(held, fcntl.LOCK_EX):
-        assert cached("thing", "trexton.base.cache", {}, lambda: {"x": np.arange(3)})
-        assert not left.exists() and held.exists() and others.read_text() == "of nobody"
-    assert {path.suffix for path in tmp_path.iterdir()} == {".npz", ".lock"} and others.exists()
-    assert not held.exists()
+    assert cached("thing", "trexton.base.cache", {}, lambda: {"x": np.arange(3)})
+    (kept,) = tmp_path.iterdir()
+    kept.rename(kept.with_suffix(".lock")).write_text("of nobody")
+    assert cached("thing", "trexton.base.cache", {}, lambda: {"x": np.arange(3)})
+    assert list(tmp_path.iterdir()) == [kept]
 
 
 HOLD = """
-import fcntl, os, sys
+import os, sys
 from pathlib import Path
-from trexton.base.cache import _locked
+from trexton.base.cache import _turn
 
-lock, alone = Path(sys.argv[1]), Path(sys.argv[1]).with_suffix(".alone")
-for _ in range(300):
-    with _locked(lock, fcntl.LOCK_EX):
+file, alone = Path(sys.argv[1]), Path(sys.argv[1]).with_suffix(".alone")
+for _ in range(50):
+    with _turn(file):
         os.close(os.open(alone, os.O_CREAT | os.O_EXCL))  # fails where another holds it as well
         alone.unlink()
 """
 
 
 def test_a_lock_that_is_removed_while_others_wait_for_it_is_never_held_twice(tmp_path):
-    words = [sys.executable, "-c", HOLD, str(tmp_path / "thing.lock")]
+    words = [sys.executable, "-c", HOLD, str(tmp_path / "thing.npz")]
     runs = [subprocess.Popen(words) for _ in range(4)]
     assert [run.wait(60) for run in runs] == [0] * 4 and not list(tmp_path.iterdir())

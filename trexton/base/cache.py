@@ -124,31 +124,14 @@ def cached(
 @contextmanager
 def _turn(path: Path) -> Iterator[None]:
     """Wait until no other process makes this file; where none can be kept, nobody waits."""
-    with ExitStack() as held:
-        with suppress(ImportError, OSError):
-            import fcntl  # which not every system has
+    from filelock import FileLock  # here, for flying needs none
 
+    lock = path.with_suffix(".lock")
+    with ExitStack() as held:
+        with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-            for left in path.parent.glob(f"*-{'[0-9a-f]' * 24}.lock"):  # by killed runs
-                with suppress(OSError), _locked(left, fcntl.LOCK_EX | fcntl.LOCK_NB):
-                    pass
-            held.enter_context(_locked(path.with_suffix(".lock"), fcntl.LOCK_EX))
-        yield
-
-
-@contextmanager
-def _locked(lock: Path, how: int) -> Iterator[None]:
-    """Hold the lock of the file that stands there, which nobody else may remove."""
-    from fcntl import flock
-
-    ours = False
-    with ExitStack() as held:
-        while not ours:
-            stream = held.enter_context(open(lock, "w"))
-            flock(stream, how)
-            with suppress(FileNotFoundError):  # removed, or another's, since it was opened
-                ours = os.path.samefile(stream.fileno(), lock)
-        held.callback(lock.unlink, missing_ok=True)
+            held.enter_context(FileLock(lock))
+            held.callback(lock.unlink, missing_ok=True)  # who waits for it notices
         yield
 
 
