@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 ATTITUDE = (0.1, -0.2, 1.5)
 GIMBAL = mavlink.MAVLink_heartbeat_message(26, 8, 0, 0, 4, 3)
 GROUND_STATION = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
-AUTOPILOT_HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 4, 3)
+AUTOPILOT_HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 128, 0, 4, 3)
+IN_AIR = mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_IN_AIR)
 
 
 def from_autopilot(message, system: int = 1, component: int = 1):
@@ -95,7 +96,7 @@ class Autopilot(Peer):
             if self.alive:
                 awake_ms = int(1000 * (time.monotonic() - self._awake_at))
                 attitude = mavlink.MAVLink_attitude_message(awake_ms, *ATTITUDE, 0, 0, 0)
-                self.send(AUTOPILOT_HEARTBEAT, attitude)
+                self.send(AUTOPILOT_HEARTBEAT, IN_AIR, attitude)
         if not self.alive:
             return
         for message in messages:

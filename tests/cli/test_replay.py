@@ -35,7 +35,8 @@ def test_what_was_usable_stands_beside_what_was_answered(log, capsys):
     assert "usable x 1.50 y 2.50" in lines[0] and "answer: command 21, result 2" in lines[0]
     assert "silence: lost" in lines[1] and "usable x 3.00 y 3.50" in lines[2]
     assert "reset 1: the position jumped" in lines[3]
-    assert lines[4] == "fixes 4, usable 2, event answer 1, event status 1, fault dark 1"
+    assert "no end: the log breaks off here" in lines[4]
+    assert lines[5] == "fixes 4, usable 2, event answer 1, event status 1, fault dark 1"
 
 
 def test_a_log_may_come_through_a_pipe(log, tmp_path, capsys):
@@ -73,10 +74,11 @@ def test_what_a_loss_of_power_left_is_told_and_the_rest_is_read(half, log, capsy
     sink.open()
     sink.write(make_fix(6.0, (0.5, 0.5)))
     sink.event({"time_s": 6.1, "event": "answer", "command": 21, "result": 0})
+    sink.event({"time_s": 6.2, "event": "end", "frames": 1})
     sink.close()
     log.write_bytes(log.read_bytes() + half + b"\n" + Path(f"{log}2").read_bytes())
     assert main(["replay", str(log)]) == 0
-    *_, damaged, answer, counts = capsys.readouterr().out.splitlines()
+    *_, damaged, answer, _, counts = capsys.readouterr().out.splitlines()
     assert "damaged line: number 7, why" in damaged
     assert "usable x 0.50 y 0.50" in answer and "result 0" in answer
     assert counts.startswith("fixes 5, usable 3, event answer 2") and "damaged line 1" in counts

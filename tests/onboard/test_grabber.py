@@ -20,7 +20,7 @@ from trexton.onboard.sources import (
 )
 from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.sources.video import JPEG, StreamSource
-from trexton.onboard.tally import Tally
+from trexton.onboard.tally import Tally, flush
 
 
 class Scripted(Source):
@@ -71,6 +71,18 @@ class TestGrabber:
         assert (tally["camera"], source.opened) == (2, 3)
         grabber.close()
         assert source.closed == 3
+
+    def test_a_camera_that_breaks_after_every_frame_is_opened_ever_less_often(self, capfd):
+        """It was opened ten times a second, with a line for each."""
+        steps = [step for n in range(4) for step in (*frames(n), CameraLost("flaps"))]
+        source = Scripted(*steps, *frames(9))
+        began = time.monotonic()
+        grabber = Grabber(source, Tally())
+        assert eventually(lambda: source.opened == 5)
+        assert time.monotonic() - began > 0.1 + 0.2 + 0.4 + 0.8
+        grabber.close()
+        flush()
+        assert capfd.readouterr().err.count("flaps") == 1
 
     def test_an_error_nobody_foresaw_reaches_the_loop(self):
         grabber = Grabber(Scripted(ZeroDivisionError("a bug")), Tally())

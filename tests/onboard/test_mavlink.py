@@ -17,7 +17,7 @@ from patience import eventually
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
-from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT, Peer  # noqa: E402
+from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT, IN_AIR, Peer  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
 from trexton.onboard.mavlink import messages  # noqa: E402
@@ -62,6 +62,7 @@ class TestOverUdp:
             )
             peer.send(
                 AUTOPILOT_HEARTBEAT,
+                IN_AIR,
                 mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0),
                 mavlink.MAVLink_timesync_message(0, 5),
             )
@@ -111,7 +112,7 @@ class TestOverUdp:
         try:
             assert eventually(lambda: peer.of("HEARTBEAT"))
             peer.codec.srcSystem = 7
-            peer.send(AUTOPILOT_HEARTBEAT)
+            peer.send(AUTOPILOT_HEARTBEAT, IN_AIR)
             assert eventually(lambda: sink.land(0) and peer.of("COMMAND_LONG"))
             command = peer.of("COMMAND_LONG")[-1]
             assert (command.target_system, command.get_srcSystem(), command.get_srcComponent()) == (
@@ -178,7 +179,7 @@ class TestOverUdp:
         sink.open()
         try:
             assert eventually(lambda: peer.of("HEARTBEAT"))
-            peer.send(AUTOPILOT_HEARTBEAT)
+            peer.send(AUTOPILOT_HEARTBEAT, IN_AIR)
             assert eventually(lambda: "heard" in sink.status() and "no" not in sink.status())
             assert sink.land(0)
             clock.now += 4
@@ -323,7 +324,7 @@ def test_a_landing_commanded_before_the_link_broke_goes_out_on_no_other(peer):
     sink.open()
     try:
         assert eventually(lambda: peer.of("HEARTBEAT"))
-        peer.send(AUTOPILOT_HEARTBEAT)
+        peer.send(AUTOPILOT_HEARTBEAT, IN_AIR)
         assert eventually(lambda: "heard" in sink.status() and "no" not in sink.status())
         receive, broken = sink._link.receive, Event()
 

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
-from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT, from_autopilot  # noqa: E402
+from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT, IN_AIR, from_autopilot  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
 from trexton.localization.estimate import ignorance  # noqa: E402
@@ -84,6 +84,7 @@ def said(now: float, kind: str, name="px4", land: int | None = None, **options) 
     """What is said to an autopilot that was heard."""
     listener = Listener()
     listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), now)
+    listener.hear(from_autopilot(IN_AIR), now)
     speaker = Speaker(messages.PROFILES[name](NORTH_UP, AREA), np.eye(2), listener, **options)
     if land is not None:
         assert speaker.land(land, now)

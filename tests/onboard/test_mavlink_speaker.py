@@ -13,6 +13,7 @@ pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 from onboard_autopilot import (  # noqa: E402
     ATTITUDE,
     AUTOPILOT_HEARTBEAT,
+    IN_AIR,
     attitude,
     from_autopilot,
 )
@@ -327,6 +328,7 @@ class TestSpeaker:
         )
         assert talk.listener.target is None and not talk.land(0, 0.0)
         talk.listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), 0.0)
+        talk.listener.hear(from_autopilot(IN_AIR), 0.0)
         talk.listener.hear(
             from_autopilot(mavlink.MAVLink_command_ack_message(21, 0), system=9), 0.0
         )

@@ -14,7 +14,7 @@ from patience import eventually
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
-from onboard_autopilot import AUTOPILOT_HEARTBEAT, Peer  # noqa: E402
+from onboard_autopilot import AUTOPILOT_HEARTBEAT, IN_AIR, Peer  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
 from trexton.base.errors import ParameterError  # noqa: E402
@@ -52,7 +52,7 @@ def test_the_key_is_known_to_both(peer, sink):
     peer.received.clear()
     assert eventually(lambda: peer.of("HEARTBEAT"))
     assert all(message.get_signed() for message in peer.of("HEARTBEAT"))
-    peer.send(AUTOPILOT_HEARTBEAT)
+    peer.send(AUTOPILOT_HEARTBEAT, IN_AIR)
     assert eventually(lambda: "autopilot 1 heard" in sink.status())
     sink.write(make_fix(time.monotonic(), (1.0, 2.0)))
     assert eventually(lambda: peer.of("VISION_POSITION_ESTIMATE"))

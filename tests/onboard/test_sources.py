@@ -13,7 +13,7 @@ import pytest
 from conftest import small_flight
 from onboard_tools import Clock
 
-from trexton.base.errors import FlightError, TrextonError
+from trexton.base.errors import FlightError, ParameterError, TrextonError
 from trexton.base.plugins import resolve
 from trexton.flights.folder import read_flight
 from trexton.onboard.sources import (
@@ -212,7 +212,11 @@ def test_jpegs_cut_short_or_of_another_size_are_not_hidden(tmp_path, rng):
     pictures[2] = pictures[2][: len(pictures[2]) // 3]
     pictures[4] = jpeg(64, 48)
     (tmp_path / "film.mjpeg").write_bytes(b"".join(pictures))
-    source = open_source(f"stream:{tmp_path / 'film.mjpeg'}")
+    address = str(tmp_path / "film.mjpeg")
+    for file in (f"stream:{address}", f"file://{address}"):  # it would be over in no time
+        with pytest.raises(ParameterError, match="a file is no live camera: trexton import it"):
+            open_source(file)
+    source = StreamSource(address)
     source.open()
     seen = [source.decoded(source.read()).picture for _ in pictures]
     assert seen[2] is None and seen[4].shape == (48, 64, 3)

@@ -70,9 +70,10 @@ def run(arguments: argparse.Namespace) -> int:
     say("trexton onboard: " + json.dumps(plain(summary)))
     flush()
     files = [each.partition(":")[2] for each in settings.outputs] + [settings.of(Flying).log]
-    for name, count in summary["left_out"].items():
-        if name in files:
-            raise TrextonError(f"{name}: {count} lines were left out (a full disk?): make room")
+    lacking = {name: n for name, n in summary["left_out"].items() if name in files}
+    if lacking:
+        found = ", ".join(f"{name}: {count} lines were left out" for name, count in lacking.items())
+        raise TrextonError(f"{found} (a full disk?): make room")
     if summary["frames"] and not summary["observed"]:
         faults = ", ".join(f"{name} {count}" for name, count in summary["faults"].items())
         said = f"not one of {summary['frames']} frames could be localized ({faults})"

@@ -30,13 +30,13 @@ def replayed(path: str | Path) -> Iterator[str]:
     Status lines are left out: they repeat what the rest tells. Raises `DataError` where it begins
     as no log, or is empty.
     """
-    last, usable, resets = "nothing usable yet", True, 0
+    last, usable, resets, kind = "nothing usable yet", True, 0, ""
     counts: Counter[str] = Counter()
     for row in _rows(path):
         seconds = row.get("time_s")
         begin = f"{'-':>10}" if seconds is None else f"{seconds:10.2f}"
-        if "event" in row:
-            kind = _short(row.pop("event"))
+        kind = _short(row.pop("event", ""))
+        if kind:
             counts[f"event {kind}"] += 1
             row.pop("time_s", None)
             words = ", ".join(f"{_short(key)} {_short(value)}" for key, value in row.items())
@@ -60,6 +60,8 @@ def replayed(path: str | Path) -> Iterator[str]:
         usable = fit
     if not counts:
         raise DataError(f"{path}: empty: give what --log wrote")
+    if kind != "end":
+        yield f"{'-':>10}  {last:28}  no end: the log breaks off here"
     yield ", ".join(f"{name} {count}" for name, count in counts.items())
 
 

@@ -74,7 +74,8 @@ def build(settings: Settings) -> Onboard:
         frames=flying.frames,
         aiding=flying.aiding,
         zone=zone,
-        landers=landers if landing.arm_landing else (),
+        landers=landers,
+        lands=landing.arm_landing,
         warnings=list(filter(None, warnings)),
     )
 

@@ -17,7 +17,7 @@ REASONS = {
 }  # fmt: skip
 EXIT_RADII = 1.5  # from the centre: nearer, a position that jitters has not left the zone
 EXIT_SECONDS = 3.0  # seconds outside after which a return is another visit
-NO_TARGET = "no autopilot is there to be commanded, or which one is in doubt"
+NO_TARGET = "no autopilot is there, or it is in doubt which one is ours or whether it flies"
 ANSWER_WITHIN, ATTEMPTS = 1.0, 5  # seconds before asking again, and times to ask in one visit
 ACK_TIMEOUT = 10.0  # an answer later than this after the latest command belongs to no command
 
@@ -60,9 +60,11 @@ class Commander:
     Parameters
     ----------
     landers : list of LandingLink
-        Commanded to land, all at once; empty for a dry run.
+        Commanded to land, all at once, and asked whether they fly.
     report : callable
         Takes each event, as a dict.
+    commands : bool
+        False for a dry run.
     """
 
     def __init__(
@@ -70,16 +72,18 @@ class Commander:
         zone: LandingZone,
         landers: Sequence[LandingLink],
         report: Callable[[dict[str, object]], None],
+        *,
+        commands: bool = True,
     ):
         self.zone, self._landers, self._report = zone, landers, report
-        self.state = State.WATCHING
-        self.why = ""
+        self._commands, self.state, self.why = commands and bool(landers), State.WATCHING, ""
         self._sent = 0  # commands of this visit that a link took
         self._put_off = ""  # what the autopilot says who neither accepts nor refuses
         self._asked_at = -np.inf
         self._ask_at = -np.inf
         self._outside_since: float | None = None  # on the clock that stamps the frames
         self._before: dict[tuple[int, str], object] = {}  # phases of the flight when it accepted
+        self._flown: dict[tuple[int, str], object] = {}  # when it was first asked
         self._during: dict[tuple[int, str], object] = {}  # those that came of it
         self._held = False  # whether the last frame that came permitted a landing
         self._began: float | None = None  # the search, on the clock that stamps the frames
@@ -90,12 +94,14 @@ class Commander:
         self._take_answers(now)
         self._take_landed_state()
         if self._left(fix, now):
+            if self.state is State.LANDING and self._phases() == self._flown != {}:
+                self._become(State.ABORTED, "accepted, and it flies on as before it was asked")
             # Landing, or landed, it has obeyed, wherever it is.
             if self.state not in (State.LANDING, State.LANDED):
                 self._end_visit("the zone was left")
         elif inside and self.state in (State.WATCHING, State.ASKED):
             self._ask(fix, now)
-        elif self.state is State.ASKED:
+        elif self.state is State.ASKED or self.why == NO_TARGET:
             # Also between two attempts: the command was made for another place than it is at now.
             self._become(State.WATCHING, "the conditions no longer hold")
         return self.state
@@ -137,12 +143,9 @@ class Commander:
 
     def _ask(self, fix: Fix, now: float) -> None:
         where = {"x_m": float(fix.position[0]), "y_m": float(fix.position[1])}
-        if not self._landers:
+        if not self._commands:
             self._become(State.WOULD_LAND, "", **where)
-            return
-        if self.state is State.WATCHING:
-            self._become(State.ASKED, "", **where)
-        if now < self._ask_at:
+        if not self._commands or now < self._ask_at:
             return
         if self._sent >= ATTEMPTS:
             why = f"{self._put_off}, " if self._put_off else ""
@@ -150,12 +153,16 @@ class Commander:
             self._become(ended, f"{why}{self._sent} commands sent")
             return
         self._ask_at = now + ANSWER_WITHIN
+        if not self._sent:
+            self._flown = self._phases()
         if any([lander.land(self._sent) for lander in self._landers]):
+            if self.state is State.WATCHING:
+                self._become(State.ASKED, "", **where)
             self._report({"event": "land", "confirmation": self._sent})
             self._asked_at, self.why = now, ""
             self._sent += 1
         elif self.why != NO_TARGET:
-            self._become(State.ASKED, NO_TARGET)
+            self._become(State.WATCHING, NO_TARGET)
 
     def _phases(self) -> dict[tuple[int, str], object]:
         phases = ((n, lander.phase()) for n, lander in enumerate(self._landers))
@@ -183,13 +190,14 @@ class Commander:
             elif result in (IN_PROGRESS, TEMPORARILY_REJECTED):
                 self._ask_at = now + ANSWER_WITHIN  # it is there: give it time, then ask again
                 self._put_off = REASONS[result]
+            elif self.state is State.LANDING and self._lands():
+                pass  # to a command that was repeated before the first was answered
             elif self.state is not State.LANDED:  # while it flickers, or after it had accepted
                 self._become(State.REFUSED, REASONS.get(result, f"result {result}"))
 
     def _take_landed_state(self) -> None:
         grounded, pending = self._grounded(), (State.WATCHING, State.ASKED, State.UNANSWERED)
-        lands = any(lander.phase().get("landing") for lander in self._landers)
-        if lands and self._sent and self.state in pending:  # the answer was lost
+        if self._sent and self.state in pending and self._lands():  # the answer was lost
             self._begin_landing("by its own word, no answer came")
         if self.state is State.LANDING and any(grounded):
             self._become(State.LANDED, "the autopilot says that it is on the ground")
@@ -202,6 +210,9 @@ class Commander:
     def _begin_landing(self, why: str) -> None:
         self._before, self._during = {}, {}
         self._become(State.LANDING, why)
+
+    def _lands(self) -> bool:
+        return any(lander.phase().get("landing") for lander in self._landers)
 
     def _become(self, state: State, why: str, **more: object) -> None:
         self.state, self.why = state, why

@@ -3,6 +3,7 @@ grab, never queued; it is checked for faults of the camera. Attitude, height and
 same moment are gathered."""
 
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,6 +16,7 @@ from trexton.onboard.sources import CameraLost, Frame, Source
 from trexton.onboard.tally import Tally, say
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0  # seconds before a source is opened again
+STEADY = 5.0  # seconds after which a source that was opened counts as running
 SAMPLE_STRIDE = 8  # one pixel in 64 tells black from white and one frame from the next
 BLACK_LEVEL, WHITE_LEVEL = 12, 243  # grey levels, of 255
 RING = 16  # frames, of which none comes again
@@ -79,12 +81,14 @@ class Grabber:
             while not self._stop.is_set():
                 try:
                     self._source.open()
+                    opened = time.monotonic()
                     while not self._stop.is_set():
                         frame = self._source.read()
                         if frame is None:
                             return
                         self._put(frame)
-                        pause, reported = FIRST_PAUSE, None
+                        if time.monotonic() - opened > STEADY:
+                            pause, reported = FIRST_PAUSE, None
                 except CameraLost as error:
                     self._tally.count("camera")
                     if str(error) != reported:  # once, not at every attempt

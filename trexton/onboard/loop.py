@@ -43,7 +43,7 @@ class Onboard:
     zone : LandingZone, optional
         Where to land.
     landers : sequence of LandingLink
-        Commanded to land there; without any, it is only said.
+        Asked whether they fly, and commanded to land there with `lands`; else it is only said.
     log : Guard, optional
         Takes fixes and events.
     tally : Tally
@@ -61,13 +61,15 @@ class Onboard:
     def __init__(
         self, localizer: Localizer, source: Source, sinks: list[Guard], *, tally: Tally,
         rate: float | None = None, zone: LandingZone | None = None,
-        landers: Sequence[LandingLink] = (), log: Guard | None = None,
+        landers: Sequence[LandingLink] = (), lands: bool = True, log: Guard | None = None,
         frames: int | None = None, aiding: str = "tilt", warnings: Sequence[str] = (),
         clock: Callable[[], float] = time.monotonic,
     ):  # fmt: skip
         self.localizer, self.source, self.sinks, self.log = localizer, source, sinks, log
         self.tally, self._frames, self._clock = tally, frames, clock
-        self.commander = None if zone is None else Commander(zone, landers, self.report)
+        self.commander = None
+        if zone is not None:
+            self.commander = Commander(zone, landers, self.report, commands=lands)
         self._model_period = localizer.map.period_s
         self._period = 1 / rate if rate else self._model_period
         self._fix_period = self._period if source.live else self._model_period

@@ -19,12 +19,15 @@ HEARTBEAT_TIMEOUT = 3.0  # seconds without a heartbeat after which the autopilot
 MAX_STATE_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
 BOOT_CLOCK_STEP_MS = 2000  # milliseconds that messages of one clock never overtake each other by
 SAME_CLOCK_S = 0.5  # seconds to which messages tell when their clock began
+SILENT_STEP_S = 2.0  # later than that begins only another clock, after a silence
+MOST_STRAYS = 5  # late messages within `MAX_STATE_AGE`: more come of two autopilots
 WRAP_MS = 60_000  # milliseconds about the last of a clock of 32 bits in which it may wrap
 BUFFER_SIZE = 512  # of each: a second and more of the fastest stream, for a camera that is late
 MAX_SAMPLE_AGE = 0.5  # seconds between a frame and attitude, height or velocity that fit it
 NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
 # MAV_TYPE of what flies, drives or swims, by number: names have changed between dialects.
 VEHICLES = {*range(1, 5), *range(7, 18), *range(19, 26), 28, 29, 35}
+STANDS = mavlink.MAV_LANDED_STATE_ON_GROUND
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
 INVALID_SIGNAL = 1  # of 100; 0 is unknown
 MAX_ANGLES = np.array([3.2, 1.6, 3.2])  # radians of roll, pitch and yaw
@@ -75,6 +78,9 @@ class Listener:
         self._fused: tuple[float, bool] | None = None
         self._landed: tuple[float, int] | None = None
         self._mode: int | None = None
+        self._armed, self._since = True, np.inf  # as it says; heard without a gap since then
+        self._clock = self._stamped_at = -np.inf  # when its clock began; the last message of it
+        self._strays: deque[float] = deque([-np.inf], maxlen=MOST_STRAYS)
         self._odd_angles = False
         self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=BUFFER_SIZE)
         self._heights: deque[tuple[float, float]] = deque(maxlen=BUFFER_SIZE)
@@ -87,8 +93,8 @@ class Listener:
         if handler is None:
             return
         if self.target == (message.get_srcSystem(), message.get_srcComponent()):
-            self._notice_boot(getattr(message, "time_boot_ms", None), now)
-            handler(message, now)
+            if self._is_in_order(getattr(message, "time_boot_ms", None), now):
+                handler(message, now)
         elif kind == "HEARTBEAT":
             handler(message, now)
 
@@ -105,14 +111,28 @@ class Listener:
         """Whether the autopilot has a horizontal position; None where it has not said so lately."""
         return _recent(self._fused, now)
 
+    def landed(self, now: float) -> int | None:
+        """The landed state; None where the autopilot has not said so lately."""
+        return _recent(self._landed, now)
+
     def on_ground(self, now: float) -> bool | None:
-        """Whether the vehicle stands; None where the autopilot has not said so lately."""
-        landed = _recent(self._landed, now)
-        return None if landed is None else landed == mavlink.MAV_LANDED_STATE_ON_GROUND
+        """Whether the vehicle stands, or is not armed; None where that is not known."""
+        if self.present(now) and not self._armed:
+            return True
+        landed = self.landed(now)
+        return None if landed is None else landed == STANDS
+
+    def may_fly(self, now: float) -> bool:
+        """Whether it flies as far as is known: who was heard for less than `MAX_STATE_AGE` has not
+        had the time to say that it stands, and who said so last may stand yet."""
+        if (grounded := self.on_ground(now)) is not None:
+            return not grounded
+        stood = self._landed is not None and self._landed[1] == STANDS
+        return now - self._since > MAX_STATE_AGE and not stood
 
     def phase(self, now: float) -> dict[str, object]:
         """What tells a landing from any other flight, as far as it was said lately."""
-        landed = _recent(self._landed, now)
+        landed = self.landed(now)
         known = {"mode": self._mode if self.present(now) else None,
                  "landing": landed and landed == mavlink.MAV_LANDED_STATE_LANDING,
                  "grounded": self.on_ground(now)}  # fmt: skip
@@ -124,12 +144,15 @@ class Listener:
         return ours is not None and bool(np.allclose(ours, origin[:2], rtol=0, atol=1e-5))
 
     def attitude(self, time: float) -> tuple[float, float, float] | None:
-        """The autopilot's own roll, pitch, yaw nearest to that moment, if near enough."""
-        entry = _nearest(self._attitudes, time)
+        """The autopilot's own roll, pitch, yaw nearest to that moment, if near enough; of nobody
+        while it is in doubt who is ours."""
+        entry = _nearest(self._attitudes, time) if self.certain else None
         return None if entry is None else entry[1]
 
     def aiding(self, time: float) -> Aiding:
-        """What the autopilot knows of that moment, in the map's axes."""
+        """What the autopilot knows of that moment, in the map's axes; nothing while in doubt."""
+        if not self.certain:
+            return Aiding()
         attitude = _nearest(self._attitudes, time)
         height, velocity = _nearest(self._heights, time), _nearest(self._velocities, time)
         # What share of a distance along the vehicle's own axis is height.
@@ -163,26 +186,43 @@ class Listener:
             self.target = who
             self.news.append({"event": "autopilot", "system": system, "component": component})
         if self.target == who:
+            self._since = self._since if self.present(now) else now
             self.heard_at, self._mode = now, message.custom_mode
+            self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
             self.signs = bool(message.get_header().incompat_flags & mavlink.MAVLINK_IFLAG_SIGNED)
 
-    def _notice_boot(self, awake_ms: int | None, now: float) -> None:
-        """An autopilot whose own clock has jumped back by seconds has started anew, unless it
-        went on from its last millisecond, after 49 days. Back to the same clock again jump only
-        two autopilots of one number."""
+    def _is_in_order(self, awake_ms: int | None, now: float) -> bool:
+        """False of a message that comes seconds late, by a clock that jumps back for it alone.
+
+        Who goes on with the earlier clock has started anew, unless that went on from its last
+        millisecond, after 49 days; so has who comes back from a silence with a clock that began
+        later. Back to the same clock again jump only two autopilots of one number.
+        """
         if not awake_ms:  # 0 is of a message that tells no time
-            return
-        wrapped = (awake_ms - self._awake_ms) % 2**32 < WRAP_MS
-        if self._awake_ms - awake_ms > BOOT_CLOCK_STEP_MS and not (wrapped or self.twins):
-            self.boots += 1
-            before, self._began = self._began, now - 1e-3 * awake_ms
-            self.twins = abs(self._began - before) < SAME_CLOCK_S
-            self._fused = self._landed = self.origin = None
-            for samples in (self._attitudes, self._heights, self._velocities):
-                samples.clear()
-            words = "two autopilots of one number" if self.twins else "autopilot restarted"
-            self.news.append({"event": words, "times": self.boots})
-        self._awake_ms = awake_ms
+            return True
+        began, wrapped = now - 1e-3 * awake_ms, (awake_ms - self._awake_ms) % 2**32 < WRAP_MS
+        back = self._awake_ms - awake_ms > BOOT_CLOCK_STEP_MS and not wrapped
+        silent = now - self._stamped_at > HEARTBEAT_TIMEOUT
+        if back and not silent and abs(began - self._clock) > SAME_CLOCK_S:
+            self._clock = began
+            self._strays.append(now)
+            in_turn = len(self._strays) == MOST_STRAYS and now - self._strays[0] < MAX_STATE_AGE
+            if in_turn and not self.twins:
+                self._start_anew(began, now, twins=True)
+            return False
+        later = silent and np.isfinite(self._clock) and began - self._clock > SILENT_STEP_S
+        if (back or later) and not self.twins:
+            self._start_anew(began, now, twins=abs(began - self._began) < SAME_CLOCK_S)
+        self._clock, self._awake_ms, self._stamped_at = began, awake_ms, now
+        return True
+
+    def _start_anew(self, began: float, now: float, *, twins: bool) -> None:
+        self.boots, self._began, self._since, self.twins = self.boots + 1, began, now, twins
+        self._fused = self._landed = self.origin = None
+        for samples in (self._attitudes, self._heights, self._velocities):
+            samples.clear()
+        words = "two autopilots of one number" if twins else "autopilot restarted"
+        self.news.append({"event": words, "times": self.boots})
 
     def _on_attitude(self, message: Any, now: float) -> None:
         angles = (message.roll, message.pitch, message.yaw)

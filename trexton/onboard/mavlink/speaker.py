@@ -79,9 +79,12 @@ class Speaker:
             self._told_at, self._next_at = now, -np.inf
 
     def land(self, confirmation: int, now: float) -> bool:
-        """Put a landing command out; False while nobody is there, or it is in doubt who obeys."""
+        """Put a landing command out; False while nobody is there, or it is in doubt who obeys, or
+        whether it flies."""
         listener = self.listener
         if listener.target is None or not (listener.present(now) and listener.certain):
+            return False
+        if not listener.may_fly(now):
             return False
         unset = [self.profile.unset] * 4  # here and now
         self.commands.append(
@@ -128,7 +131,7 @@ class Speaker:
             # ArduPilot passes over what it was given before, and confirms it only if asked.
             command, wanted = mavlink.MAV_CMD_REQUEST_MESSAGE, [ORIGIN, *[0] * 6]
             out.append(mavlink.MAVLink_command_long_message(*target, command, 0, *wanted))
-        states = {"grounded": self.listener.on_ground, "fused": self.listener.fused}
+        states = {"grounded": self.listener.landed, "fused": self.listener.fused}
         aiding = self.listener.aiding(now)
         for name in self._asked:
             known = states[name](now) if name in states else getattr(aiding, name)

@@ -9,7 +9,7 @@ from typing import Any
 
 import cv2
 
-from trexton.base.errors import ImageError
+from trexton.base.errors import ImageError, ParameterError
 from trexton.base.options import Options
 from trexton.onboard.sources import CameraLost, Frame, Shape, Source
 from trexton.vision.images import check_capture, decode_image, yuv_from_bgr
@@ -53,6 +53,8 @@ class StreamSource(Source):
 
     @classmethod
     def make(cls, address: str, options: Options, around: Shape) -> Source:
+        if Path(address.removeprefix("file://")).is_file():  # it would be read in no time
+            raise ParameterError(f"{address}: a file is no live camera: trexton import it")
         return cls(address, around)
 
     def __init__(self, address: str, shape: Shape = None):
