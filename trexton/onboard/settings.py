@@ -198,24 +198,12 @@ class MavlinkOptions(Options):
 
 @dataclass(frozen=True)
 class Settings:
-    """A flight of the script.
+    """A flight of the script."""
 
-    Attributes
-    ----------
-    map : str
-        File of the texton map.
-    outputs : tuple of str
-        See `trexton.onboard.sinks`.
-    choices : tuple of str
-        ``role=part`` and ``role.option=value``; see `trexton.localization.methods`.
-    options : mapping
-        An object for each class of options that differs from its defaults: `Flying`,
-        `MapPlacement`, `Landing`, and those of sinks and sources.
-    """
-
-    map: str
-    outputs: tuple[str, ...] = ()
-    choices: tuple[str, ...] = ()
+    map: str  # file of the texton map
+    outputs: tuple[str, ...] = ()  # see `trexton.onboard.sinks`
+    choices: tuple[str, ...] = ()  # ``role=part``, ``role.option=value``
+    # an object for each class that differs from its defaults, those of sinks and sources too
     options: Mapping[type[Options], Any] = field(default_factory=dict)
 
     def of(self, kind: type[T]) -> T:

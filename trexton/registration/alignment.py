@@ -21,18 +21,11 @@ _MEDIAN = 1.1774  # of the length of a plane vector with unit standard deviation
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A pose and what speaks for it.
+    """A pose ``(6,)``, x, y, z in metres and roll, pitch, yaw in radians, and what speaks for it.
 
-    Attributes
-    ----------
-    pose : (6,) array
-        x, y, z in metres, roll, pitch, yaw in radians.
-    covariance : (6, 6) array
-        From the curvature at the solution, points taken as independent.
-    score : float
-        Correlation of the frame with the view expected at the pose; 0 for too few points.
-    flow : float
-        Median length of the flow in pixels: how far the start was off.
+    The ``(6, 6)`` covariance is of the curvature at the solution, points taken as independent. The
+    `score` is the correlation of the frame with the view expected there, 0 for too few points; the
+    `flow` the median length in pixels of how far the start was off.
     """
 
     pose: np.ndarray

@@ -19,16 +19,9 @@ _FLOORS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 30)])  # of the height
 
 @dataclass(frozen=True)
 class Trust:
-    """How much a frame's fit says.
-
-    Attributes
-    ----------
-    coarse, fine : float
-        Independent pixels that a correlation of the coarse and of the fine images is worth.
-    least : float
-        Fine correlation below which a frame is not where it seems to be.
-    scale, floor : float
-        Variances are the alignment's times `scale` plus `floor` square metres.
+    """How much a frame's fit says: how many independent pixels a correlation of the `coarse` and of
+    the `fine` images is worth, and below which fine correlation a frame is not where it seems to be
+    (`least`). Variances are the alignment's times `scale` plus `floor` square metres.
     """
 
     coarse: float = 8.0
@@ -57,20 +50,11 @@ class Trust:
 
 @dataclass(frozen=True, eq=False)
 class FloorFix:
-    """What one frame gives.
+    """What one frame gives. Its `pose` ``(6,)`` is x, y, z in metres, roll, pitch, yaw in radians;
+    with it go the ``(2, 2)`` covariance of x and y, and the correlation with the floor as `score`.
 
-    Attributes
-    ----------
-    pose : (6,) array
-        x, y, z in metres, roll, pitch, yaw in radians.
-    covariance : (2, 2) array
-        Of x and y.
-    score : float
-        Correlation of the frame with the floor at this pose.
-    lost : bool, where the pose must not be trusted
-    observed : bool, False where no frame came
-    heading_sigma : float
-        Standard deviation of the yaw in radians; NaN where no frame shows it by itself.
+    It is `lost` where the pose must not be trusted, and not `observed` where no frame came. The
+    `heading_sigma` in radians is NaN where no frame shows the yaw by itself.
     """
 
     pose: np.ndarray

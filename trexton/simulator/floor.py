@@ -24,17 +24,9 @@ GROUND = (140, 147, 150)  # BGR of bare concrete
 
 @dataclass(frozen=True)
 class Light:
-    """The hall's light: brightness, colour and evenness.
-
-    Attributes
-    ----------
-    gain : float
-        Brightness.
-    warmth : float
-        Share by which red gains and blue loses.
-    gradient : (float, float)
-        Share by which the light grows from the middle of the floor to its right and to its far
-        edge.
+    """The hall's light: its brightness (`gain`), the share by which red gains and blue loses
+    (`warmth`), and the shares by which it grows from the middle of the floor to its right and to
+    its far edge (`gradient`).
     """
 
     gain: float = 1.0

@@ -28,16 +28,8 @@ TOUCHDOWN = 0.05  # camera height on the ground, m
 
 @dataclass(frozen=True)
 class VehicleState:
-    """Where the vehicle is and how it moves.
-
-    Attributes
-    ----------
-    time : float
-        Seconds since the start.
-    position, velocity : (3,) arrays
-        Metres, metres a second; z is the camera's height above the floor.
-    attitude, rates : (3,) arrays
-        Roll, pitch, yaw in radians and their derivatives.
+    """Where the vehicle is and how it moves, so many seconds after the start: position and velocity
+    ``(3,)`` in metres, z above the floor; roll, pitch, yaw in radians and their rates ``(3,)``.
     """
 
     time: float

@@ -30,17 +30,11 @@ WIDTH = 160  # pixels of the frames that turns are read off, about
 
 @dataclass(frozen=True)
 class TimeOffset:
-    """By how much frames are late.
+    """By how many `seconds` frames are late, from what one shows to its stamp on the clock of the
+    yaw, with the standard deviation; negative where they are early.
 
-    Attributes
-    ----------
-    seconds : float
-        From what a frame shows to its stamp, on the clock of the yaw; negative where it is early.
-    sigma : float
-        Its standard deviation.
-    correlation : float
-        Of the two turns at that offset; negative where the picture turns the other way,
-        as one that is mirrored does.
+    The `correlation` is that of the two turns at that offset: negative where the picture turns the
+    other way, as one that is mirrored does.
     """
 
     seconds: float

@@ -82,27 +82,15 @@ def pose_covariance(
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """What a message says of one moment.
+    """What a message says of one moment."""
 
-    Attributes
-    ----------
-    time : float
-        Seconds of the steady clock.
-    position, covariance : (2,) and (2, 2) arrays
-        Metres, in the map's axes.
-    attitude : (roll, pitch, yaw) or None
-        The autopilot's own, in radians.
-    yaw, yaw_sigma : float
-        Our own yaw, radians from north, and its standard deviation; NaN where it is not sent.
-    """
-
-    time: float
-    position: np.ndarray
-    covariance: np.ndarray
-    attitude: tuple[float, float, float] | None
+    time: float  # seconds of the steady clock
+    position: np.ndarray  # (2,) metres, in the map's axes
+    covariance: np.ndarray  # (2, 2) square metres
+    attitude: tuple[float, float, float] | None  # its own roll, pitch, yaw
     resets: int = 0
-    yaw: float = NAN
-    yaw_sigma: float = NAN
+    yaw: float = NAN  # ours, radians from north; NaN where it is not sent
+    yaw_sigma: float = NAN  # its standard deviation
 
     @property
     def stamp_us(self) -> int:
@@ -119,20 +107,12 @@ class Report:
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """One autopilot's manner.
-
-    Attributes
-    ----------
-    area : (x_min, x_max, y_min, y_max)
-    origin : (latitude, longitude, altitude) or None
-    target : (2,) array or None
-        Centre of the landing zone in metres on the map, where it is to be sent.
-    """
+    """One autopilot's manner."""
 
     local: LocalFrame
-    area: tuple[float, float, float, float]
-    origin: tuple[float, float, float] | None = None
-    target: np.ndarray | None = None
+    area: tuple[float, float, float, float]  # (x_min, x_max, y_min, y_max), metres
+    origin: tuple[float, float, float] | None = None  # latitude, longitude, altitude
+    target: np.ndarray | None = None  # (2,) centre of the landing zone on the map, where it is sent
 
     estimator = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT  # says whether there is a position
     unset = 0.0  # what stands in a command for "choose yourself"

@@ -51,32 +51,17 @@ class Check:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a sink may need to know beside its address and its options.
-
-    Attributes
-    ----------
-    area : (x_min, x_max, y_min, y_max)
-        The map's area in metres.
-    motion_rate : (2, 2) array
-        Covariance that the motion model adds in a second, square metres.
-    aiding : {"tilt", "all", "none"}
-        What of the other side's knowledge is used.
-    heard : dict
-        The autopilots of all links.
-    target : (2,) array or None
-        Centre of the landing zone, metres on the map, where there is one.
-    clock : callable
-        Seconds, the clock that stamps live frames.
-    """
+    """What a sink may need to know beside its address and its options."""
 
     local: LocalFrame  # how the map lies on the ground
-    area: tuple[float, float, float, float]
-    motion_rate: np.ndarray
+    area: tuple[float, float, float, float]  # (x_min, x_max, y_min, y_max) of the map, metres
+    motion_rate: np.ndarray  # (2, 2) m^2, what the motion model adds to a covariance in a second
     tally: Tally
-    aiding: str = "none"
-    target: np.ndarray | None = None
-    clock: Callable[[], float] = time.monotonic
+    aiding: str = "none"  # what of the other side's knowledge is used: tilt, all, none
+    target: np.ndarray | None = None  # (2,) centre of the landing zone, metres on the map
+    clock: Callable[[], float] = time.monotonic  # seconds, as live frames are stamped
     kind: str = ""  # the word before the sink's address
+    # the autopilots of all links
     heard: dict[tuple[int, int], None] = field(default_factory=dict)
 
 
@@ -133,16 +118,11 @@ class Sink(Edge, ABC):
 class Guard:
     """A sink that may fail: counted, closed, and opened again after a pause that doubles up to
     `LONGEST_PAUSE`.
-
-    Attributes
-    ----------
-    left_out : int
-        Fixes and events that it did not take.
     """
 
     def __init__(self, sink: Sink, tally: Tally, clock: Callable[[], float] = time.monotonic):
         self.sink, self._tally, self._clock = sink, tally, clock
-        self.left_out = 0
+        self.left_out = 0  # fixes and events that it did not take
         self._open, self._pause, self._retry_at = False, FIRST_PAUSE, -np.inf
 
     def write(self, fix: Fix) -> None:
