@@ -12,7 +12,7 @@ from small_room import histogram_flight
 from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.localization.localizer import MAX_CATCH_UP, Localizer, TextonMap
+from trexton.localization.localizer import LEAST, MAX_CATCH_UP, Localizer, TextonMap
 from trexton.localization.map_files import load_map, save_map, to_arrays
 from trexton.localization.measurement import rank_covariances
 from trexton.localization.motion import process_covariance
@@ -174,7 +174,7 @@ def test_frames_that_do_not_fit_are_refused_and_change_nothing(texton_map, pictu
     assert track(bad) == track([])
     localizer = Localizer(texton_map, particles=20, rng=np.random.default_rng(7))
     for stamp in (np.nan, np.inf):
-        with pytest.raises(ParameterError, match="expected the frame's in seconds"):
+        with pytest.raises(ParameterError, match="time is .*: expected a finite number"):
             localizer.step(picture_flight.image(1), time=stamp)
     assert localizer.step(picture_flight.image(0)).position.tobytes() == track([])
 
@@ -196,6 +196,8 @@ def test_a_missing_frame_only_predicts(texton_map, picture_flight):
         ([0.4] * 5, [0] * 5, [0.4] * 5),  # a quick camera: part of a period
         ([1000], [MAX_CATCH_UP], [None]),
         ([0, -50, 1.2], [0, 0, 0], [None] * 3),  # a clock that went back
+        ([0.25] * 3 + [0.75] + [0.25] * 3, [0] * 7, [0.25] * 3 + [None] + [LEAST, 0.25, 0.25]),
+        ([0.25, 0, *[0.25] * 4], [0] * 6, [0.25, None, LEAST, LEAST, 0.25, 0.25]),
     ],
 )
 def test_stamps_say_how_far_the_filter_is_advanced(
@@ -214,6 +216,39 @@ def test_stamps_say_how_far_the_filter_is_advanced(
         assert steps[:-1] == [None] * without
         since = steps[-1].since_s
         assert since is part or since == pytest.approx(part * period, rel=1e-3)
+
+
+@pytest.mark.parametrize("disturbed", [lambda row: row != 9, lambda row: row % 3 == 0])
+def test_a_quick_camera_that_misses_frames_is_followed(disturbed):
+    """One gap, or frames that did not come, and the filter ran four times too fast for ever."""
+    flight = histogram_flight("hall", frames=400)
+    texton_map = train_map(flight.select(slice(None, None, 4)), method="field", rng=rng_of(1))
+    localizer, errors = Localizer(texton_map, rng=rng_of(2)), []
+    for row in range(120):
+        came = flight.histograms[row] if disturbed(row) else None
+        estimate = localizer.step(came, time=float(flight.time[row]))
+        assert abs(localizer.time - flight.time[row]) < 0.8 * texton_map.period_s
+        errors.append(np.hypot(*(estimate.position - flight.position[row])))
+    assert np.mean(errors[60:]) < 0.3
+
+
+def test_what_an_estimate_holds_is_its_own():
+    """Who moved the particles of an estimate moved the filter, and wrote into his own stamps."""
+    flight, found = histogram_flight("hall", frames=60), []
+    texton_map = train_map(flight, rng=rng_of(1))
+    for spoiled in (False, True):
+        localizer, stamps = Localizer(texton_map, rng=rng_of(2)), flight.time.copy()
+        for row in (*range(8), 30, 31):
+            estimate = localizer.step(flight.histograms[row], time=stamps[row, ...])
+            if spoiled and row < 31:
+                estimate.particles[:] = estimate.position[:] = estimate.weights[:] = 9
+        np.testing.assert_array_equal(stamps, flight.time)
+        found.append(estimate.position)
+    np.testing.assert_array_equal(*found)
+
+
+def rng_of(seed):
+    return np.random.default_rng(seed)
 
 
 def test_histograms_alone_make_a_map_and_refuse_images():

@@ -38,6 +38,7 @@ from trexton.vision.images import sample_positions
 MAX_TABLE = 600_000  # cells times features: what a frame may cost, of time and cache
 MIN_VARIANCE = 1e-3  # share of the signal: no place is taken to be known better
 MEAN_DISTANCE = 1.28  # of two places drawn from a square, over that of one's deviation
+MOST_TABLES = 8  # by the number of samples, that are kept
 LOCAL_SHARE = 0.5  # of a frame's evidence that is sought near the last estimate
 LOCAL_SIGMA = 0.15  # metres that are added to its deviation
 MAX_DEVIATION = 1e6  # standard deviations of a feature: beyond, squares would overflow
@@ -193,6 +194,8 @@ class Field(MeasurementModel):
     def tables(self, samples: int | None) -> TileTables:
         """Likelihoods of the tiles where so many samples were counted; None: all patches."""
         if samples not in self._tables:
+            if len(self._tables) >= MOST_TABLES:
+                self._tables.clear()
             parts = len(self.offsets)
             bases = tile_bases(self.signal, self.noise, parts, samples)
             means = np.split(self.mean, parts, axis=1)
@@ -237,9 +240,8 @@ class Field(MeasurementModel):
 
 
 class FrameEvidence:
-    """The evidence of frames over a map for states of the appearance, each by so many patches that
-    are drawn from the frame: the likelihood of its histogram, as each of the states corrects it.
-    """
+    """The evidence of frames over a map for states of the appearance: the likelihood of the
+    histogram of so many drawn patches, as each of the states corrects them."""
 
     def __init__(self, texton_map: TextonMap, patches: int, rng: np.random.Generator):
         self._map, self._patches, self._rng = texton_map, patches, rng

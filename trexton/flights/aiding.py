@@ -51,6 +51,8 @@ class Aiding:
         for name in ("roll", "pitch", "yaw", "height"):  # of a velocity the filter says it
             if (value := getattr(self, name)) is not None and not np.isfinite(value):
                 object.__setattr__(self, name, None)
+        if np.ma.is_masked(self.velocity):
+            object.__setattr__(self, "velocity", None)
         if self.velocity is not None and (shape := np.shape(self.velocity)) != (2,):
             raise ParameterError(f"a velocity of shape {shape} was given: expected (2,), x and y")
 

@@ -189,6 +189,6 @@ class ParticleFilter:
         belief, (mean, covariance) = self.belief, self.moments()
         places = self.motion.position(belief.states)
         return Estimate(
-            self.position(), covariance, belief.lost, mean=mean, particles=places,
-            weights=belief.weights,
+            self.position().copy(), covariance, belief.lost, mean=mean, particles=places.copy(),
+            weights=belief.weights.copy(),
         )  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 
 from trexton.base.defaults import SAMPLES
 from trexton.base.errors import ImageError, MapError, ParameterError
-from trexton.base.options import whole
+from trexton.base.options import number, whole
 from trexton.base.streams import generator
 from trexton.flights.aiding import Aiding
 from trexton.localization.alike import are_shares
@@ -30,6 +30,7 @@ __all__ = ["Estimate", "Localizer", "TextonMap"]
 MAX_CATCH_UP = 25  # predictions for missed frames; more would only spread the particles further
 STEADY_S = 1e-6  # stamps that differ from a period by less are equal to it
 QUICK = 0.5  # of a period: frames that follow each other sooner advance a filter by less than one
+LEAST = 0.01  # of a period, by which each frame advances a filter
 
 
 class Localizer:
@@ -48,8 +49,7 @@ class Localizer:
     nearest : NearestHistograms, optional
         Another search than over the map's own histograms.
     mark : callable, optional
-        Called with ``"histogram"``, ``"neighbors"``, ``"filter"`` and ``"estimate"`` as each is
-        done.
+        Called with "histogram", "neighbors", "filter" and "estimate" as each is done.
     rng : numpy.random.Generator
     **choices
         ``role``: a part, or its name; ``role.option``: a value. See `trexton.localization.methods`.
@@ -99,7 +99,7 @@ class Localizer:
         odometry = parts.get("odometry")
         self._odometry = None if odometry is None else odometry.open()
         self.time: float | None = None
-        self._last = -np.inf  # time of the last frame
+        self._last = self._before = -np.inf  # times of the last frame, and of that advanced to
 
     @cached_property
     def nearest(self) -> NearestHistograms:
@@ -118,7 +118,7 @@ class Localizer:
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.filter.reset()
-        self.time, self._last = None, -np.inf
+        self.time, self._last, self._before = None, -np.inf, -np.inf
         for part in (self._appearance, self._odometry):
             if part is not None:
                 part.reset()
@@ -159,8 +159,7 @@ class Localizer:
         Raises
         ------
         ImageError, MapError, ParameterError
-            The frame does not fit the map, `samples` is no whole number of at least 1, `time` no
-            number; the filter is left as it was.
+            The frame, `samples` or `time` does not fit; the filter is left as it was.
         """
         if frame is None:
             return self.advance(None, time)
@@ -172,11 +171,12 @@ class Localizer:
 
     def advance(self, observation: Observation | None, time: float | None = None) -> Estimate:
         """As `step`, with an observation that was made by `observation` and knows its time."""
-        self._catch_up(observation, time if observation is None else observation.time)
+        due = self._catch_up(observation, time if observation is None else observation.time)
         if self._appearance is not None and observation is not None:
             observation.histogram  # noqa: B018  the appearance takes the frame first
             observation.familiar = self._appearance.settled
-        self.filter.step(observation)
+        if due:
+            self.filter.step(observation)
         self._mark("filter")
         estimate = self.filter.estimate()
         if self._appearance is not None:
@@ -190,26 +190,31 @@ class Localizer:
         return replace(estimate, observed=True, histogram=histogram, neighbors=neighbors)
 
     def _now(self, time: float | None) -> float:
-        if time is not None and not np.isfinite(time):
-            raise ParameterError(f"time is {time}: expected the frame's in seconds")
-        return (self.time or 0.0) + self.map.period_s if time is None else time
+        if time is None:
+            return (self.time or 0.0) + self.map.period_s
+        return number(time.item() if isinstance(time, np.ndarray | np.generic) else time, "time")
 
-    def _catch_up(self, observation: Observation | None, time: float | None) -> None:
+    def _catch_up(self, observation: Observation | None, time: float | None) -> bool:
         """Advance the filter over frames that did not come, by whole periods; what is left over is
-        kept for the next frame, for a camera of another rate than the survey's leaves some at each.
+        kept for the next frame. Returns whether a step is due.
         """
         period, now = self.map.period_s, self._now(time)
+        later = now > self._before
+        self._before = self._before if observation is None else now
         if self.time is None:
             self.time = None if observation is None else now
-            return
+            return True
         missed = max(0, round((now - self.time) / period) - 1)
         for _ in range(min(missed, MAX_CATCH_UP)):
             self.filter.step(None)
         self.time += missed * period
-        if observation is not None and 0 < now - self.time < QUICK * period:
-            observation.since_s, self.time = now - self.time, now
-        else:
+        quick = later and now - self.time < QUICK * period
+        if quick and observation is not None:
+            observation.since_s = max(now - self.time, LEAST * period)
+            self.time = max(self.time, now)
+        elif not quick:
             self.time = min(self.time, now - QUICK * period) + period  # no quick frame is a debt
+        return observation is not None or not quick
 
     def observation(
         self,
@@ -221,8 +226,7 @@ class Localizer:
     ) -> Observation:
         """What a frame brings; `samples` were counted for it, None if all were or nobody knows.
 
-        With odometry each frame is seen in relation to the one before: give them in order. Errors
-        are those of `step`.
+        Give frames in order, as odometry needs them. Errors are those of `step`.
         """
         self._check(frame)
         now = self._now(time)
@@ -234,7 +238,7 @@ class Localizer:
         observation = Observation(
             None if frame.ndim == 1 else frame,
             aiding=aiding,
-            time=time,
+            time=None if time is None else now,
             samples=samples,
             histogram=lambda: self._histogram(frame, aiding),
             neighbors=self._neighbors,

@@ -142,7 +142,7 @@ class RunningRegistration:
         self.tracker, self._period_s = tracker, period_s
         self._time = 0.0
         self._recent: deque[tuple[float, np.ndarray]] = deque(maxlen=_RECENT)  # when, and where
-        self._nothing = nowhere(area)
+        self._area = area
         self._fix: FloorFix | None = None
 
     def reset(self) -> None:
@@ -177,7 +177,7 @@ class RunningRegistration:
         """The latest fix; it is a measurement for others unless the vehicle is lost."""
         fix = self._fix
         if fix is None or not np.isfinite(fix.position).all():
-            return self._nothing
+            return nowhere(self._area)
         own = Measurement(fix.position, fix.covariance) if fix.observed and not fix.lost else None
         velocity, joint = self._motion(fix.covariance)
         seen = np.isfinite(fix.heading_sigma)
