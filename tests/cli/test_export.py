@@ -38,12 +38,22 @@ def test_evo_computes_the_same_error(tmp_path):
 
 def test_frames_without_a_position_are_left_out(tmp_path):
     position = np.array([[0, 1], [np.nan, np.nan], [2, 3.0]])
-    attitude = np.array([[0, 0, np.nan], [0, 0, 0], [0, 0, np.pi / 2]])
-    odd = flight(position, height=np.array([1.0, 1.1, 1.2]), attitude=attitude)
+    odd = flight(position, height=np.array([1.0, 1.1, 1.2]))
     rows = np.loadtxt(write_tum(odd, tmp_path / "t.tum"))
     half = np.sqrt(0.5)
-    expected = [[0, 0, 1, 1, 0, 0, half, half], [0.16, 2, 3, 1.2, 0, 0, 1, 0]]
+    expected = [[0, 0, 1, 1, 0, 0, half, half], [0.16, 2, 3, 1.2, 0, 0, half, half]]
     np.testing.assert_allclose(rows, expected, atol=1e-9)
+
+
+def test_gaps_of_height_and_yaw_are_interpolated(tmp_path):
+    """They were 0 among others: evo took them for errors of the track."""
+    yaw = np.array([3.1, np.nan, 3.3 - 2 * np.pi])
+    attitude = np.column_stack([np.zeros((3, 2)), yaw])
+    position = np.array([[0, 1], [1, 2], [2, 3.0]])
+    odd = flight(position, height=np.array([1.0, np.nan, 5.0]), attitude=attitude)
+    rows = np.loadtxt(write_tum(odd, tmp_path / "t.tum"))
+    half = (3.2 + np.pi / 2) / 2
+    np.testing.assert_allclose(rows[1, 3:], [3, 0, 0, np.sin(half), np.cos(half)], atol=1e-8)
 
 
 def test_a_file_of_somebodys_own_is_not_replaced(tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,17 +36,22 @@ def run(arguments: argparse.Namespace) -> int:
 
 def write_tum(flight: Flight, path: Path) -> Path:
     """Write the located frames, whole or not at all: ``stamp x y z qx qy qz qw``, seconds and
-    metres, as evo reads it; the quaternion turns a vehicle whose x points forward (REP 103). What
-    is not known of z and yaw is 0.
+    metres, as evo reads it; the quaternion turns a vehicle whose x points forward (REP 103). Of z
+    and yaw gaps are interpolated; where nothing is known they are 0.
     """
     flight = flight.select(flight.located)
     zero = np.zeros(len(flight))
-    height = zero if flight.height is None else flight.height
-    yaw = zero if flight.attitude is None else flight.attitude[:, 2]
+    yaw = None if flight.attitude is None else flight.attitude[:, 2]
     # A vehicle of yaw 0 flies along y (`trexton.vision.camera`).
-    half = (np.nan_to_num(yaw) + np.pi / 2) / 2
+    half = (_filled(flight.time, yaw, np.unwrap) + np.pi / 2) / 2
     turn = [zero, zero, np.sin(half), np.cos(half)]
-    columns = [flight.time, flight.position, np.nan_to_num(height), *turn]
+    columns = [flight.time, flight.position, _filled(flight.time, flight.height), *turn]
     with atomic_file(path) as stream:
         np.savetxt(stream, np.column_stack(columns), fmt="%.9f")
     return path
+
+
+def _filled(time: np.ndarray, values: np.ndarray | None, even: Any = np.asarray) -> np.ndarray:
+    if values is None or not (known := np.isfinite(values)).any():
+        return np.zeros(len(time))
+    return np.interp(time, time[known], even(values[known]))

@@ -93,6 +93,19 @@ def test_a_search_tries_the_usual_first_then_one_change_at_a_time():
     assert Bench(flight).attempt(others[2]).error_m == tried[3].error_m
 
 
+def test_a_method_that_was_not_flown_is_named(monkeypatch, capsys):
+    """The best of those that were flown was called the best."""
+
+    def attempt(bench, setting):
+        if setting["method"] == "fine":
+            raise MapError("it learns from frames")
+        return Tried(setting, 1.0, 1e-3)
+
+    monkeypatch.setattr(Bench, "attempt", attempt)
+    search(told_apart(), methods=["paper", "fine"], trials=2)
+    assert "fine: not flown: it learns from frames" in capsys.readouterr().err
+
+
 def test_every_method_is_tried_however_few_the_trials():
     tried = search(told_apart(), methods=["paper", "field"], trials=1)
     assert [one.setting["method"] for one in tried] == ["paper", "field"]

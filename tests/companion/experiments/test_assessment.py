@@ -119,6 +119,50 @@ def test_short_flights_are_judged_too(frames):
     assert finding(short).endswith(".") and all(advice(short))
 
 
+def test_of_a_few_frames_nothing_is_told(record):
+    """Four of a hundred had a position, and it worked."""
+    few = replace(record, values=record.values | {"counts": {"train": 120, "test": 4}})
+    assert finding(few).startswith("It cannot be told of 4 frames of the test")
+
+
+def test_a_test_too_short_to_tell_is_no_failure(record):
+    errors = {name: dict(entry) for name, entry in record.values["errors"].items()}
+    centre = errors["centre"]["mean_cm"]["value"]
+    for method in record.parameters["methods"].split():
+        wide = {"value": 0.6 * centre, "low": 0.2 * centre, "high": 2 * centre}
+        errors[method]["mean_cm"] = wide
+    errors["centre"]["mean_cm"] = {"value": centre, "low": 0.3 * centre, "high": 2 * centre}
+    untold = replace(record, values=record.values | {"errors": errors})
+    assert finding(untold).startswith("It cannot be told")
+    assert "fly a longer one" in " ".join(advice(untold))
+
+
+def test_another_origin_or_height_of_the_test_is_named(record):
+    series = {name: values for name, values in record.series.items()}
+    for name in (*record.parameters["methods"].split(),):
+        series[f"{name}_m"] = np.array(series["truth_m"]) + (0.9, -0.5)
+    moved = replace(record, series=series)
+    assert re.search(r"All positions are off by about x 90\S* cm, y -50", " ".join(advice(moved)))
+    limits = record.values["limits"] | {"heights_m": [1.0, 2.0]}
+    high = replace(record, values=record.values | {"limits": limits})
+    assert "The heights were 100 cm and 200 cm" in " ".join(advice(high))
+    assert "The heights" not in " ".join(advice(record))
+
+
+@pytest.mark.parametrize("train_to", [30, 120])
+def test_the_centre_is_the_better_of_two_guesses(train_to):
+    """Of a survey of one corner the mean of its places was a bar far too low."""
+    test = make_flight(2)
+    made = run(make_flight(1).select(slice(0, train_to)), test, Parameters(methods="paper"))
+    middle = np.hypot(*test.position.T).mean()
+    assert made.values["errors"]["centre"]["mean_cm"]["value"] <= 100 * middle + 1e-6
+
+
+def test_any_method_has_a_page(tmp_path):
+    made = run(make_flight(1), make_flight(2), Parameters(methods="hmm"))
+    assert error_shares(made) and over_the_floor(made) and write_report(made, tmp_path / "r.html")
+
+
 def test_test_frames_without_a_position_are_flown_and_not_judged():
     test = make_flight(2)
     gone = test.position.copy()

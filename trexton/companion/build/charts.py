@@ -32,19 +32,9 @@ def with_phone(svg: str, phone: bytes | None) -> str:
 def inline_figure(svg: str, name: str, alt: str) -> str:
     """``<svg>`` elements for a page: one, or a wide one and that for phones.
 
-    Parameters
-    ----------
-    svg : str
-        What `trexton.companion.experiments.figure_files.to_svg` wrote, or `with_phone` of it.
-    name : str
-        Put before every identifier, so that several figures go on one page.
-    alt : str
-        What it shows, for who cannot see it.
-
-    Raises
-    ------
-    DataError
-        It is no SVG.
+    `svg` is what `trexton.companion.experiments.figure_files.to_svg` or `with_phone` gave; anything
+    else raises `DataError`. The `name` is put before every identifier, so that several figures go
+    on one page; `alt` says what it shows, for who cannot see it.
     """
     start = svg.find("<svg")
     if start < 0:

@@ -77,31 +77,15 @@ def labelled(label: str, entries: Mapping[str, object]) -> Entries:
 
 @dataclass
 class Step:
-    """Something to make.
+    """Something to make."""
 
-    Attributes
-    ----------
-    name : str
-        ``flight/experiment``, or another name with or without a folder.
-    inputs : dict of str to str
-        What is fixed beforehand; the keys are words, in which changes are said.
-    work : callable
-        Makes it.
-    leaves, reads : sequence of Fact
-        What it leaves (first its own files), and what of other steps it reads.
-    alone : bool
-        It measures time: nothing runs beside it.
-    urgent : bool
-        It starts before others: it takes long, or others wait for it.
-    """
-
-    name: str
-    inputs: Entries
+    name: str  # ``flight/experiment``, or another with or without a folder
+    inputs: Entries  # what is fixed beforehand; the keys are words, in which changes are said
     work: Callable[[], object]
-    leaves: Sequence[Fact]
-    reads: Sequence[Fact] = ()
-    alone: bool = False
-    urgent: bool = False
+    leaves: Sequence[Fact]  # what it leaves, first its own files
+    reads: Sequence[Fact] = ()  # what of other steps it reads
+    alone: bool = False  # it measures time: nothing runs beside it
+    urgent: bool = False  # it starts before others: it takes long, or others wait for it
 
     @property
     def facts(self) -> list[Fact]:
@@ -130,23 +114,11 @@ class _Task(pytask.TaskWithoutPath):
 def build(
     steps: Sequence[Step], root: Path, jobs: int, stop: Callable[[], None], display: Display
 ) -> dict[str, Outcome]:
-    """Run what must be run; returns what became of each step, by name.
+    """Run what must be run, so many steps at once; returns what became of each, by name.
 
-    Parameters
-    ----------
-    root : Path
-        Folder of the engine's memory, ``pytask.lock``.
-    jobs : int
-        Steps at once.
-    stop : callable
-        Ends what is running when the run is interrupted.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        The run was interrupted; what was finished is remembered.
-    TrextonError
-        The engine could not start.
+    The folder `root` holds the engine's memory, ``pytask.lock``. Where the run is interrupted
+    `stop` ends what is running, what was finished is remembered, and `KeyboardInterrupt` is raised;
+    `TrextonError` where the engine could not start.
     """
     root.mkdir(parents=True, exist_ok=True)
     before, outcomes, stopping = _remembered(root), dict[str, Outcome](), threading.Event()

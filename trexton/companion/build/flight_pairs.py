@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cached_property
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -151,10 +152,11 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
         train = first.part_or_all("train")
         test = read_flight(test_flight).part_or_all("test")
         # The same places may be visited again, where other values are sensed.
-        known, came = (fingerprints(each.position, each.histograms) for each in (train, test))
-        if (shared := len(known & came)) > len(came) / 2:
-            found = f"{shared} frames of flight {test.name!r} are those it would be trained on"
-            raise FlightError(f"{found}, which proves nothing: give another flight to test on")
+        for known, came in zip(_marks(train), _marks(test), strict=False):
+            if (shared := len(known & came)) > len(came) / 2:
+                found = f"{shared} frames of flight {test.name!r} are those it would be trained on"
+                raise FlightError(f"{found}, which proves nothing: give another flight to test on")
+        _check_places(train, test)
     located = int(test.located.sum())
     if located < 3:
         found = f"flight {test.name!r} has {located} frames with a position to test on"
@@ -164,6 +166,22 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
     if train.has_images == test.has_images:
         check_kind(test, train)
     return train, test
+
+
+def _marks(flight: Flight) -> list[set[bytes]]:
+    """What a copy of a flight has too: places with values, and pictures."""
+    files = flight.frames.files if type(flight.frames) is ImageFiles else ()
+    pictures = {sha256(file.read_bytes()).digest() for file in files}
+    return [fingerprints(flight.position, flight.histograms), pictures]
+
+
+def _check_places(train: Flight, test: Flight) -> None:
+    low, high = np.reshape(train.area, (2, 2)).T
+    most = train.diagonal / 4
+    beside = (test.position < low - most) | (test.position > high + most)
+    if (count := int(beside.any(axis=1).sum())) > test.located.sum() / 2:
+        found = f"{count} positions of {test.name!r} lie far beside the area of {train.name!r}"
+        raise FlightError(f"{found}: give them from the same origin, in metres")
 
 
 def with_splits(flight: Flight) -> Flight:

@@ -68,7 +68,7 @@ def _rows(record: Record) -> list[list[str]]:
     errors: dict[str, Any] = record.values["errors"]
     say = advice.lengths_of(record)
     return [
-        [assessment.LABELS[name][0]]
+        [assessment.label_of(name)[0]]
         + [say(entry[key]) for key in ("mean_cm", "median_cm", "p95_cm")]
         for name, entry in sorted(errors.items(), key=lambda one: middle(one[1]["mean_cm"]))
     ]

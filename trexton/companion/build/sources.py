@@ -24,27 +24,14 @@ from trexton.companion.wording import template_environment
 
 @dataclass(frozen=True)
 class Contents:
-    """What a book is made of.
+    """What a book is made of."""
 
-    Attributes
-    ----------
-    source : Path
-        Folder of prose, ``_config.yml``, tables of contents and ``_static``.
-    results : Path
-    pairs : sequence of FlightPair
-    outcomes : sequence of Outcome
-    absent : mapping of str to str
-        Flights that the book would have liked, and why they are not there.
-    toc_file : str
-        The table of contents: see `toc`.
-    """
-
-    source: Path
+    source: Path  # folder of prose, ``_config.yml``, tables of contents and ``_static``
     results: Path
     pairs: Sequence[FlightPair]
     outcomes: Sequence[Outcome]
-    absent: Mapping[str, str] = field(default_factory=dict)
-    toc_file: str = "_toc.yml"
+    absent: Mapping[str, str] = field(default_factory=dict)  # flights, and why
+    toc_file: str = "_toc.yml"  # the table of contents, see `toc`
 
     def good(self, flight: str) -> list[str]:
         """Experiments that have results on `flight` ("" for those over every flight)."""

@@ -116,7 +116,7 @@ def sweep(
     failed = {name: one.reasons[0] for name, one in outcomes.items() if not one.good}
     rows = [_row(plan, cell) for cell in cells if cell.step.name not in failed]
     if rows:  # a table is not replaced by nothing
-        _write(plan, made_by(experiment.module), out, rows)
+        _write(plan, made_by(experiment.module) | {"failed": failed}, out, rows)
     statuses = [outcomes[cell.step.name].status for cell in cells]
     counts = {status: statuses.count(status) for status in ("ran", "reused")}
     return Swept(rows, failed, counts | {"failed": len(cells) - len(rows)})

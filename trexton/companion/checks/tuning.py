@@ -16,6 +16,7 @@ import numpy as np
 from trexton.base import defaults
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import digest
+from trexton.base.progress import say
 from trexton.base.streams import stream
 from trexton.companion.checks.timing import interleave
 from trexton.companion.experiments.evaluation import evenly_spread, frames_of
@@ -163,7 +164,10 @@ def search(
     for count, method in enumerate(methods, start=1):
         share = count / len(methods)
         left = max(count, int(trials * share)) - len(tried)
-        tried += _one_at_a_time(method, bench, left, began + seconds * share)
+        mine = _one_at_a_time(method, bench, left, began + seconds * share)
+        if all(one.frame_s == np.inf for one in mine):
+            say(f"{method}: not flown: {mine[0].reason if mine else 'the time was over'}")
+        tried += mine
     flown = [one for one in tried if one.frame_s < np.inf]
     if not flown:
         reason = tried[0].reason if tried else "no time"

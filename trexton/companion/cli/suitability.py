@@ -57,6 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
         if entry["predicted_cm"] >= entry["centre_cm"]:
             print("   it will not do: the middle of the floor is as good a guess")
+        elif entry["high"] >= entry["centre_cm"]:
+            print("   it may not do: that is not clearly better than guessing the middle")
         x, y = entry["worst_m"]
         print(
             f"   hardest place: x = {x:.1f} m, y = {y:.1f} m; the paper's loss: {entry['loss']:.3f}"

@@ -24,6 +24,10 @@ BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
 SHARPNESS_FRAMES = 200  # are enough to estimate the share
 PARTS = 3  # of the floor along each side
 FEWEST_THERE = 5  # test frames that say something of a part
+FEWEST = 20  # test frames that say something of a flight
+MOST_HIGHER = 1.3  # times the height of the other flight
+NOT_WORTH = "No method is worth flying here as it is: change the floor or the survey first."
+UNTOLD = "Whether it works cannot be told of this test: fly a longer one, over the whole area."
 NO_CAMERA = "for histograms alone; a camera needs a training flight of pictures"
 
 
@@ -35,6 +39,9 @@ def limits(
     positions, diagonal = texton_map.positions, train.diagonal
     gaps = np.array([euclidean(positions, place).min() for place in test.position[known]])
     found: dict[str, Any] = {"gap_m": float(np.percentile(gaps, 95))}
+    heights = [np.nan if each.height is None else each.height for each in (train, test)]
+    if all(np.isfinite(each).any() for each in heights):
+        found["heights_m"] = [float(np.nanmedian(each)) for each in heights]
     try:
         rows = training_set(texton_map).neighbors(1, EXCLUDED_SECONDS)[:, 0]
         far = euclidean(positions[rows], positions) > diagonal / 4
@@ -61,6 +68,14 @@ def is_useful(record: Record) -> bool:
     _, error = best_method(record)
     centre = record.values["errors"]["centre"]["mean_cm"]
     return middle(error) < middle(centre) and apart(error, centre)
+
+
+def is_untold(record: Record) -> bool:
+    """Whether the test is too short to tell, with errors less than those of guessing the centre."""
+    _, error = best_method(record)
+    centre = middle(record.values["errors"]["centre"]["mean_cm"])
+    few = record.values["counts"]["test"] < FEWEST
+    return few or not is_useful(record) and middle(error) < centre
 
 
 def lengths_of(record: Record) -> Callable[[Any], str]:
@@ -115,7 +130,16 @@ def what_limits(record: Record) -> Iterator[str]:
     """Too few frames, texture that repeats, blur, filters that bring nothing."""
     say, found, area = lengths_of(record), record.values["limits"], record.series["area_m"]
     gap_m, errors = found["gap_m"], record.values["errors"]
-    if gap_m > 0.1 * np.hypot(*np.ptp(np.reshape(area, (2, 2)), axis=1)):
+    best, error_cm = best_method(record)
+    diagonal = np.hypot(*np.ptp(np.reshape(area, (2, 2)), axis=1))
+    off = np.array(record.series[f"{best}_m"]) - record.series["truth_m"]
+    x, y = 100 * np.median(off, axis=0)
+    if np.hypot(x, y) > max(0.8 * middle(error_cm), 5 * diagonal):
+        yield f"All positions are off by about x {say(x)}, y {say(y)}: has the test another origin?"
+    low, high = sorted(found.get("heights_m", [1, 1]))
+    if high > MOST_HIGHER * low:
+        yield f"The heights were {say(100 * low)} and {say(100 * high)}: fly both flights at one."
+    if gap_m > 0.1 * diagonal:
         yield (
             f"Too few frames: one test frame in twenty is more than {say(100 * gap_m)} from any of "
             f"the {record.values['counts']['train']} training frames. Fly closer lanes."
@@ -159,7 +183,7 @@ def what_next(record: Record, flight: str | None = None) -> Iterator[str]:
     if is_useful(record):
         yield f"`trexton tune {shlex.quote(flight or record.flight)}` looks for better settings."
     else:
-        yield "No method is worth flying here as it is: change the floor or the survey first."
+        yield UNTOLD if is_untold(record) else NOT_WORTH
 
 
 def commands(record: Record, flight: str | None = None) -> tuple[str, str]:

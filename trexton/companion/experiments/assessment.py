@@ -18,6 +18,7 @@ from trexton.base.records import SECTIONS, Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.advice import (
     best_method,
+    is_untold,
     is_useful,
     least_error_cm,
     lengths_of,
@@ -93,7 +94,10 @@ def _run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             field_map = texton_map
     rng = stream(parameters.seed, "intervals")
     runs["knn"] = flown(train, test, parameters, repeats=1)[0].knn
-    runs["centre"] = constant_guess(base.positions, len(test))
+    middle_of = np.reshape(train.area, (2, 2)).mean(axis=1)[None]
+    guesses = [constant_guess(places, len(test)) for places in (base.positions, middle_of)]
+    errors = [euclidean(guess[known], test.position[known]).mean() for guess in guesses]
+    runs["centre"] = guesses[int(np.argmin(errors))]
     runs["shuffled"] = shuffled_neighbors(base.positions, len(test), parameters.neighbors, rng=rng)
     values: dict[str, Any] = {
         "errors": {
@@ -137,7 +141,10 @@ def finding(record: Record) -> str:
     say, (best, error) = lengths_of(record), best_method(record)
     errors = record.values["errors"]
     centre = middle(errors["centre"]["mean_cm"])
-    if not is_useful(record):
+    if is_untold(record):
+        count = record.values["counts"]["test"]
+        judgement = f"It cannot be told of {count} frames of the test with a position"
+    elif not is_useful(record):
         judgement = (
             "It will not work here, for no method is clearly better than always guessing the centre"
         )
@@ -147,8 +154,8 @@ def finding(record: Record) -> str:
         judgement = "It works here"
     return (
         f"{judgement}. The mean error of the method `{best}` is {say(error)}, against "
-        f"{say(centre)} for always guessing the centre. 95 % of its frames are off by less "
-        f"than {say(middle(errors[best]['p95_cm']))}, and by less than "
+        f"{say(errors['centre']['mean_cm'])} for always guessing the centre. 95 % of its frames "
+        f"are off by less than {say(middle(errors[best]['p95_cm']))}, and by less than "
         f"{say(middle(errors['centre']['p95_cm']))} where the centre is guessed."
     )
 
@@ -164,11 +171,16 @@ LABELS = {
 }
 
 
+def label_of(name: str) -> tuple[str, str]:
+    """What a method or yardstick is called, and its colour; of others their own name."""
+    return LABELS.get(name, (name, "neighbors"))
+
+
 def over_the_floor(record: Record) -> Figure:
     """The truth, and the best method's estimates joined to it, over the predicted error."""
     series, best = record.series, best_method(record)[0]
     truth, estimate = np.array(series["truth_m"]), np.array(series[f"{best}_m"])
-    label, color = LABELS[best]
+    label, color = label_of(best)
     with plan_canvas(record, (6.2, 5.2), fade=0.3) as (figure, plan):
         unit, scale = length_unit(least_error_cm(record) / 100)
         plan.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
@@ -193,7 +205,7 @@ def error_shares(record: Record) -> Figure:
     names = [*record.parameters["methods"].split(), "knn", "centre", "shuffled"]
     with canvas(size=(7.2, 3.4)) as (figure, [[plot]]):
         for name in names:
-            label, color = LABELS[name]
+            label, color = label_of(name)
             error = scale * np.sort(euclidean(np.array(series[f"{name}_m"]), truth))
             share = 100 * np.arange(1, len(error) + 1) / len(error)
             stroke = "--" if name in ("centre", "shuffled") else "-"
