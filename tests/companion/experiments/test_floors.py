@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+from argparse import Namespace
 from dataclasses import replace
 from functools import partial
 
@@ -288,3 +289,21 @@ def test_no_picture_and_no_other_floor_is_written_over(picture, tmp_path, capsys
 def test_what_is_missing_is_said(picture, capsys, more, words):
     assert main(["suitability", str(picture), *more]) == 1
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("pixels", "said"), [(600, ""), (200, "40 pixels a metre")])
+def test_a_picture_coarser_than_a_camera_is_said(tmp_path, capsys, pixels, said):
+    """Two pixels by two gave a floor of 27 cm, and no word."""
+    values = np.random.default_rng(1).integers(0, 255, (pixels, pixels, 3), np.uint8)
+    cv2.imwrite(str(tmp_path / "p.png"), values)
+    command._floor(str(tmp_path / "p.png"), Namespace(width=5.0))
+    shown = capsys.readouterr().err
+    assert said in shown and bool(said) is bool(shown)
+
+
+def test_what_may_be_no_better_than_the_middle_is_said(picture, capsys, monkeypatch):
+    answer = {"predicted_cm": 135, "low": 82, "high": 205, "centre_cm": 151, "worst_m": (1, 2)}
+    answers = iter([None, answer | {"loss": 0.1}])
+    monkeypatch.setattr(virtual_flights, "predictions", lambda *floors, flights: answers)
+    assert main(["suitability", str(picture), "--width", "5"]) == 0
+    assert "it may not do: that is not clearly better" in capsys.readouterr().out
