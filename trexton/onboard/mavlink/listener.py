@@ -80,7 +80,7 @@ class Listener:
         self._mode: int | None = None
         self._armed, self._since = True, np.inf  # as it says; heard without a gap since then
         self._clock = self._stamped_at = -np.inf  # when its clock began; the last message of it
-        self._strays: deque[float] = deque([-np.inf], maxlen=MOST_STRAYS)
+        self._strays: deque[float] = deque(maxlen=MOST_STRAYS)  # when messages came late
         self._odd_angles = False
         self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=BUFFER_SIZE)
         self._heights: deque[tuple[float, float]] = deque(maxlen=BUFFER_SIZE)
