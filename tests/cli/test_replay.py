@@ -35,7 +35,7 @@ def test_what_was_usable_stands_beside_what_was_answered(log, capsys):
     assert "usable x 1.50 y 2.50" in lines[0] and "answer: command 21, result 2" in lines[0]
     assert "silence: lost" in lines[1] and "usable x 3.00 y 3.50" in lines[2]
     assert "reset 1: the position jumped" in lines[3]
-    assert "no end: the log breaks off here" in lines[4]
+    assert "no end: the log is broken off, or still written" in lines[4]
     assert lines[5] == "fixes 4, usable 2, event answer 1, event status 1, fault dark 1"
 
 

@@ -144,8 +144,10 @@ def test_a_folder_of_the_pieces_of_a_bag(tmp_path, kind):
             whole, _ = import_flight(bag(tmp_path / "whole.bag"), tmp_path / "whole")
             for row in range(8):
                 np.testing.assert_array_equal(flight.image(row), whole.image(row))
-    with pytest.raises(FlightError, match="its files are of the same time"):
+    with pytest.raises(FlightError, match="its files overlap or lie apart"):
         import_flight(folder, tmp_path / "copies")
+    (folder / f"split_2.{kind}").unlink()
+    assert len(import_flight(folder, tmp_path / "again")[0]) == 8
 
 
 def test_a_piece_of_a_bag_that_is_named_twice_is_refused(tmp_path):

@@ -85,72 +85,24 @@ def test_a_component_that_is_named_is_the_target_whatever_it_says_it_is():
     assert ear.target == (1, 5) and ear.certain
 
 
-def test_a_clock_that_wraps_is_no_restart():
-    """After 49 days, or on a bench; a restart is one still."""
-    ear = listener(1)
-    for awake, boots in (
-        (2**32 - 9000, 0),
-        (2**32 - 50, 0),
-        (0, 0),
-        (900, 0),
-        (60_000, 0),
-        (800, 0),  # a late one, as far as is known yet
-        (850, 1),
-    ):
-        ear.hear(said_by(mavlink.MAVLink_attitude_message(awake, 0, 0, 0, 0, 0, 0)), 1.0)
-        assert ear.boots == boots
+def test_who_never_says_whether_he_stands_is_landed_after_a_while():
+    beat = mavlink.MAVLink_heartbeat_message(2, 12, 128, 0, 4, 3)
+    ear = Listener()
+    talk, lands = speaker(ear), []
+    for now in range(12):
+        ear.hear(said_by(beat), float(now))
+        lands += [now] * talk.land(0, float(now))
+    assert lands == [*range(6, 12)]
 
 
-def test_two_autopilots_of_one_number_are_told_from_restarts():
-    """Two vehicles as they were delivered, on one network: both obeyed a landing."""
-    ear, told = listener(1), []
-    for number in range(12):
-        now = 100 + 0.1 * number
-        for offset in (0.0, 340.0):
-            sent_s = now - 40 + offset
-            ear.hear(
-                said_by(mavlink.MAVLink_attitude_message(round(1e3 * sent_s), *[0.0] * 6)), now
-            )
-    assert not ear.certain and not speaker(ear).land(0, 101.0)
-    told = [each["event"] for each in ear.news if "autopilot" != each["event"]]
-    assert told == ["two autopilots of one number"]
-    twice = listener(1)
-    for now, awake_s in (
-        (1.0, 60.0),
-        (2.0, 1.0),
-        (2.2, 1.2),
-        (50.0, 49.0),
-        (51.0, 1.0),
-        (51.1, 1.1),
-    ):
-        twice.hear(said_by(mavlink.MAVLink_attitude_message(round(1e3 * awake_s), *[0.0] * 6)), now)
-    assert twice.boots == 2 and twice.certain
-
-
-def heard(ear, *moments):
-    """Attitudes of these moments, each with the seconds for which the autopilot was awake."""
-    for now, awake_s in moments:
-        ear.hear(said_by(mavlink.MAVLink_attitude_message(round(1e3 * awake_s), *[0.0] * 6)), now)
-    return ear
-
-
-def test_messages_that_come_late_are_no_restart_and_not_taken():
-    """Two of them barred landing for the rest of the flight."""
-    ear = listener(1)
-    for now in np.arange(1, 30, 0.1):
-        late = [(now, now + 56)] if now in (5.0, 6.0) or 0 < now % 9 < 0.1 else []
-        heard(ear, (now, now + 60), *late)
-    assert ear.boots == 0 and ear.certain and len(ear._attitudes) == 290
-    for now in np.arange(30, 33, 0.1):  # as many as two autopilots give
-        heard(ear, (now, now + 60), (now, now + 56))
-    assert not ear.certain and ear.news[-1]["event"] == "two autopilots of one number"
-
-
-def test_a_restart_while_nobody_heard_it_is_one():
-    ear = heard(listener(1), (1.0, 7.0), (2.0, 8.0), (11.0, 8.5), (11.1, 8.6))
-    assert ear.boots == 1
-    ear = heard(listener(1), (1.0, 7.0), (2.0, 8.0), (11.0, 17.0), (11.1, 17.1))
-    assert ear.boots == 0
+def test_a_vehicle_that_comes_later_takes_no_attitude_away():
+    """ArduPilot takes no position without it: the one in flight would lose its own."""
+    ear = listener(7)
+    for now in range(8):
+        ear.hear(said_by(AUTOPILOT_HEARTBEAT, 7), float(now))
+    ear.hear(said_by(AUTOPILOT_HEARTBEAT, 1), 8.0)
+    ear.hear(said_by(mavlink.MAVLink_attitude_message(5000, *ATTITUDE, 0, 0, 0), 7), 8.0)
+    assert not ear.certain and ear.attitude(8.0) is not None and ear.aiding(8.0).roll is not None
 
 
 @pytest.mark.parametrize("armed", [True, False])
@@ -180,15 +132,6 @@ def test_nobody_s_attitude_is_used_while_it_is_in_doubt_who_is_ours():
     assert ear.attitude(1.0) is not None and ear.aiding(1.0).roll is not None
     ear.hear(said_by(AUTOPILOT_HEARTBEAT, 1), 1.0)
     assert ear.attitude(1.0) is None and ear.aiding(1.0).roll is None
-
-
-def test_a_message_without_a_time_is_no_restart():
-    """A range finder whose messages leave it out seemed to start the autopilot anew with each."""
-    ear = listener(1)
-    for awake in (60_000, 60_050, 60_100):
-        ear.hear(said_by(mavlink.MAVLink_attitude_message(awake, 0, 0, 0.3, 0, 0, 0)), 1.0)
-        ear.hear(said_by(mavlink.MAVLink_distance_sensor_message(0, 10, 900, 150, 0, 0, 25, 0)), 1)
-    assert ear.boots == 0 and ear.attitude(1.0) == pytest.approx((0, 0, 0.3))
 
 
 def test_only_the_target_is_told_the_time():
@@ -276,21 +219,6 @@ def test_the_yaw_of_an_autopilot_is_that_of_a_camera(heading, compass):
     ear.hear(said_by(mavlink.MAVLink_attitude_message(0, 0, 0, compass, 0, 0, 0)), 10.0)
     nose = rotation_matrix(0.0, 0.0, ear.aiding(10.0).yaw) @ (0, 1, 0)
     assert local.ned_from_map @ nose[:2] == pytest.approx([math.cos(compass), math.sin(compass)])
-
-
-def test_an_autopilot_that_starts_anew_is_told_again():
-    ear = listener(1)
-    talk = Speaker(
-        PROFILES["px4"](LocalFrame(), (0.0, 5.0, 0.0, 5.0)), np.eye(2), ear, (52.0, 4.0, 0.0)
-    )
-    told = lambda now: [m.get_type() for m in talk.due(now)]  # noqa: E731
-    ear.hear(said_by(mavlink.MAVLink_attitude_message(60_000, 0, 0, 0, 0, 0, 0)), 1.0)
-    assert "SET_GPS_GLOBAL_ORIGIN" in told(1.0)
-    ear.hear(said_by(mavlink.MAVLink_gps_global_origin_message(520000000, 40000000, 0)), 1.1)
-    assert "SET_GPS_GLOBAL_ORIGIN" not in told(4.0) + told(7.0)
-    for awake in (900, 950):
-        ear.hear(said_by(mavlink.MAVLink_attitude_message(awake, 0, 0, 0, 0, 0, 0)), 8.0)
-    assert ear.boots == 1 and ear.origin is None and "SET_GPS_GLOBAL_ORIGIN" in told(8.0)
 
 
 @pytest.mark.parametrize(

@@ -60,8 +60,8 @@ def replayed(path: str | Path) -> Iterator[str]:
         usable = fit
     if not counts:
         raise DataError(f"{path}: empty: give what --log wrote")
-    if kind != "end":
-        yield f"{'-':>10}  {last:28}  no end: the log breaks off here"
+    if kind != "end" and any(name.startswith("event") for name in counts):
+        yield f"{'-':>10}  {last:28}  no end: the log is broken off, or still written"
     yield ", ".join(f"{name} {count}" for name, count in counts.items())
 
 

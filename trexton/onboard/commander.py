@@ -97,7 +97,8 @@ class Commander:
             if self.state is State.LANDING and self._phases() == self._flown != {}:
                 self._become(State.ABORTED, "accepted, and it flies on as before it was asked")
             # Landing, or landed, it has obeyed, wherever it is.
-            if self.state not in (State.LANDING, State.LANDED):
+            stands = self.state is State.LANDED and any(self._grounded())
+            if self.state is not State.LANDING and not stands:
                 self._end_visit("the zone was left")
         elif inside and self.state in (State.WATCHING, State.ASKED):
             self._ask(fix, now)
@@ -200,7 +201,7 @@ class Commander:
         if self._sent and self.state in pending and self._lands():  # the answer was lost
             self._begin_landing("by its own word, no answer came")
         if self.state is State.LANDING and any(grounded):
-            self._become(State.LANDED, "the autopilot says that it is on the ground")
+            self._become(State.LANDED, "it stands, or is no longer armed")
         elif self.state is State.LANDED and grounded and all(on is False for on in grounded):
             self._asked_at = -np.inf
             self._end_visit("in the air again")

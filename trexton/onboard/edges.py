@@ -18,18 +18,10 @@ _OWN = re.compile(r"([A-Za-z_][\w.]*:[A-Za-z_]\w*)(?::(.*))?", re.S)  # module:C
 
 
 class Edge:
-    """What every sink and source declares.
+    """What every sink and source declares."""
 
-    Attributes
-    ----------
-    addresses : dict of str to str
-        How it may be asked for, as a person types it, and what that means.
-    options : type
-        An `Options` dataclass; its docstring names the group on the command line.
-    """
-
-    addresses: Mapping[str, str] = {}
-    options: type[Options] = Options
+    addresses: Mapping[str, str] = {}  # how it may be asked for, as typed, and what that means
+    options: type[Options] = Options  # its docstring names the group on the command line
 
     @classmethod
     def make(cls, address: str, options: Any, around: Any) -> Edge:

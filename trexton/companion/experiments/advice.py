@@ -26,7 +26,6 @@ PARTS = 3  # of the floor along each side
 FEWEST_THERE = 5  # test frames that say something of a part
 FEWEST = 20  # test frames that say something of a flight
 MOST_HIGHER = 1.3  # times the height of the other flight
-NOT_WORTH = "No method is worth flying here as it is: change the floor or the survey first."
 UNTOLD = "Whether it works cannot be told of this test: fly a longer one, over the whole area."
 NO_CAMERA = "for histograms alone; a camera needs a training flight of pictures"
 
@@ -180,10 +179,12 @@ def what_limits(record: Record) -> Iterator[str]:
 
 def what_next(record: Record, flight: str | None = None) -> Iterator[str]:
     """What to try."""
-    if is_useful(record):
+    if is_untold(record):
+        yield UNTOLD
+    elif is_useful(record):
         yield f"`trexton tune {shlex.quote(flight or record.flight)}` looks for better settings."
     else:
-        yield UNTOLD if is_untold(record) else NOT_WORTH
+        yield "No method is worth flying here as it is: change the floor or the survey first."
 
 
 def commands(record: Record, flight: str | None = None) -> tuple[str, str]:
@@ -191,7 +192,8 @@ def commands(record: Record, flight: str | None = None) -> tuple[str, str]:
     good, the second also where there are no pictures.
     """
     best, chosen = best_method(record)[0], record.parameters
-    if not is_useful(record) or not record.timings.get(best, {}).get("median_s"):
+    useful = is_useful(record) and not is_untold(record)
+    if not useful or not record.timings.get(best, {}).get("median_s"):
         return "", ""
     folder, made = shlex.quote(flight or record.flight), shlex.quote(f"{record.flight}.npz")
     train, fly = f"trexton train {folder} -o {made} --method {best}", f"trexton onboard {made}"

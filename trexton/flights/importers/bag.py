@@ -30,6 +30,7 @@ MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacke
 MOST_AHEAD = 0.5  # seconds, of one clock: what a message of one kind travels longer than another
 MOST_TIMES = 1000  # the size of the file: more is not unpacked of it on one way through
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+LEAST_APART, MOST_APART = -NANO // 100, 60 * NANO  # of pieces of one recording
 KINDS = (".bag", ".mcap", ".db3")
 _ADVICE = "mend it with rosbag reindex, mcap recover or ros2 bag reindex"
 # where the place and the attitude of each kind of message are
@@ -147,8 +148,9 @@ class _Bag:
             for each in reader.readers:
                 _check_named_once(each)
             spans = sorted((each.start_time, each.end_time) for each in reader.readers)
-            if any(start < end for (_, end), (start, _) in pairwise(spans)):
-                raise ValueError("its files are of the same time, expected pieces of one recording")
+            gaps = [start - end for (_, end), (start, _) in pairwise(spans)]
+            if gaps and not LEAST_APART < min(gaps) <= max(gaps) < MOST_APART:
+                raise ValueError("its files overlap or lie apart, expected pieces of one recording")
         return closing(reader)
 
     def topic(self, types: tuple[str, ...], wanted: str) -> str:

@@ -17,10 +17,10 @@ from trexton.onboard.settings import COMPONENT
 
 HEARTBEAT_TIMEOUT = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
 MAX_STATE_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
-BOOT_CLOCK_STEP_MS = 2000  # milliseconds that messages of one clock never overtake each other by
+CLOCK_STEP_S = 2.0  # seconds by which a clock must begin later to be another
 SAME_CLOCK_S = 0.5  # seconds to which messages tell when their clock began
-SILENT_STEP_S = 2.0  # later than that begins only another clock, after a silence
-MOST_STRAYS = 5  # late messages within `MAX_STATE_AGE`: more come of two autopilots
+CONFIRMED_S = 1.0  # seconds for which nobody goes on with the clock of before a restart
+MOST_SWAPS = 5  # from one clock to the other within `MAX_STATE_AGE`: two autopilots
 WRAP_MS = 60_000  # milliseconds about the last of a clock of 32 bits in which it may wrap
 BUFFER_SIZE = 512  # of each: a second and more of the fastest stream, for a camera that is late
 MAX_SAMPLE_AGE = 0.5  # seconds between a frame and attitude, height or velocity that fit it
@@ -41,21 +41,12 @@ class Listener:
     from component 1 or a type of vehicle, unless a component was named. The first vehicle that is
     heard is ours.
 
-    Parameters
-    ----------
-    named : (int or None, int or None)
-        System and component of our autopilot; None for the only one that is heard.
-    component : int
-        Our own number: answers to another's commands are none to us.
-    heard : dict, optional
-        Takes every autopilot that may be ours, in order; one for all links of a flight.
+    `named` are system and component of our autopilot, None for the only one that is heard. Answers
+    to another `component` than ours are none to us. Every autopilot that may be ours, of all links
+    of a flight, is put into `heard`, in order.
 
-    Attributes
-    ----------
-    twins, signs : bool
-        Whether two autopilots of its number were heard, and whether it signs its messages.
-    boots : int
-        How often the autopilot has started anew, and forgotten what it was sent.
+    `twins` tells whether two autopilots of its number were heard, `doubted` whether it was never
+    ours beyond doubt, `signs` whether it signs, and `boots` how often it has started anew.
     """
 
     def __init__(
@@ -69,7 +60,7 @@ class Listener:
         self.target: tuple[int, int] | None = None
         self.heard = {} if heard is None else heard
         self.heard_at = -np.inf
-        self.boots, self._awake_ms, self._began = 0, 0, -np.inf
+        self.boots = self._awake_ms = 0
         self.twins = self.signs = False
         self.answers: deque[int] = deque(maxlen=64)  # to landing commands
         self.news: deque[dict[str, Any]] = deque(maxlen=256)
@@ -79,8 +70,10 @@ class Listener:
         self._landed: tuple[float, int] | None = None
         self._mode: int | None = None
         self._armed, self._since = True, np.inf  # as it says; heard without a gap since then
-        self._clock = self._stamped_at = -np.inf  # when its clock began; the last message of it
-        self._strays: deque[float] = deque(maxlen=MOST_STRAYS)  # when messages came late
+        self._clock = self._stamped_at = -np.inf  # when its clock began; its last message
+        self._stray: tuple[float, float] | None = None  # another clock, and first heard
+        self._target_at, self.doubted = np.inf, False  # since then; another came at once
+        self._swaps: deque[float] = deque(maxlen=MOST_SWAPS)
         self._odd_angles = False
         self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=BUFFER_SIZE)
         self._heights: deque[tuple[float, float]] = deque(maxlen=BUFFER_SIZE)
@@ -145,13 +138,13 @@ class Listener:
 
     def attitude(self, time: float) -> tuple[float, float, float] | None:
         """The autopilot's own roll, pitch, yaw nearest to that moment, if near enough; of nobody
-        while it is in doubt who is ours."""
-        entry = _nearest(self._attitudes, time) if self.certain else None
+        who was never ours beyond doubt."""
+        entry = None if self.doubted else _nearest(self._attitudes, time)
         return None if entry is None else entry[1]
 
     def aiding(self, time: float) -> Aiding:
-        """What the autopilot knows of that moment, in the map's axes; nothing while in doubt."""
-        if not self.certain:
+        """What the autopilot knows of that moment, in the map's axes; see `attitude`."""
+        if self.doubted:
             return Aiding()
         attitude = _nearest(self._attitudes, time)
         height, velocity = _nearest(self._heights, time), _nearest(self._velocities, time)
@@ -180,10 +173,12 @@ class Listener:
             self.heard[who] = None
             if len(self.heard) > 1:
                 heard = ", ".join(f"{each}/{part}" for each, part in sorted(self.heard))
+                self.doubted |= now - self._target_at < MAX_STATE_AGE
                 advice = "name ours with --target; no landing until then"
+                advice += ", and no attitude" * self.doubted
                 self.news.append({"event": "several vehicles", "heard": heard, "do": advice})
         if self.target is None and who == next(iter(self.heard)):
-            self.target = who
+            self.target, self._target_at = who, now
             self.news.append({"event": "autopilot", "system": system, "component": component})
         if self.target == who:
             self._since = self._since if self.present(now) else now
@@ -192,36 +187,38 @@ class Listener:
             self.signs = bool(message.get_header().incompat_flags & mavlink.MAVLINK_IFLAG_SIGNED)
 
     def _is_in_order(self, awake_ms: int | None, now: float) -> bool:
-        """False of a message that comes seconds late, by a clock that jumps back for it alone.
+        """False of a message that comes seconds late, as a link that had stalled gives many.
 
-        Who goes on with the earlier clock has started anew, unless that went on from its last
-        millisecond, after 49 days; so has who comes back from a silence with a clock that began
-        later. Back to the same clock again jump only two autopilots of one number.
+        Its clock seems to begin later. So does that of an autopilot that has started anew, but
+        nobody goes on with the earlier one; where somebody does again and again, there are two.
+        After 49 days a clock goes on from its last millisecond.
         """
         if not awake_ms:  # 0 is of a message that tells no time
             return True
         began, wrapped = now - 1e-3 * awake_ms, (awake_ms - self._awake_ms) % 2**32 < WRAP_MS
-        back = self._awake_ms - awake_ms > BOOT_CLOCK_STEP_MS and not wrapped
-        silent = now - self._stamped_at > HEARTBEAT_TIMEOUT
-        if back and not silent and abs(began - self._clock) > SAME_CLOCK_S:
-            self._clock = began
-            self._strays.append(now)
-            in_turn = len(self._strays) == MOST_STRAYS and now - self._strays[0] < MAX_STATE_AGE
-            if in_turn and not self.twins:
-                self._start_anew(began, now, twins=True)
-            return False
-        later = silent and np.isfinite(self._clock) and began - self._clock > SILENT_STEP_S
-        if (back or later) and not self.twins:
-            self._start_anew(began, now, twins=abs(began - self._began) < SAME_CLOCK_S)
-        self._clock, self._awake_ms, self._stamped_at = began, awake_ms, now
+        back = self._awake_ms > awake_ms and not wrapped
+        behind = back or now - self._stamped_at > HEARTBEAT_TIMEOUT
+        if behind and np.isfinite(self._clock) and began - self._clock > CLOCK_STEP_S:
+            if self._stray is None or abs(began - self._stray[0]) > SAME_CLOCK_S:
+                self._stray = began, now
+            if now - self._stray[1] < CONFIRMED_S:
+                return False
+            self._start_anew(now)
+        elif self._stray is not None:
+            self._swaps.append(now)
+            often = len(self._swaps) == MOST_SWAPS and now - self._swaps[0] < MAX_STATE_AGE
+            if often and not self.twins:
+                self.twins = self.doubted = True
+                self._start_anew(now)
+        self._clock, self._awake_ms, self._stamped_at, self._stray = began, awake_ms, now, None
         return True
 
-    def _start_anew(self, began: float, now: float, *, twins: bool) -> None:
-        self.boots, self._began, self._since, self.twins = self.boots + 1, began, now, twins
+    def _start_anew(self, now: float) -> None:
+        self.boots, self._since = self.boots + 1, now
         self._fused = self._landed = self.origin = None
         for samples in (self._attitudes, self._heights, self._velocities):
             samples.clear()
-        words = "two autopilots of one number" if twins else "autopilot restarted"
+        words = "two autopilots of one number" if self.twins else "autopilot restarted"
         self.news.append({"event": words, "times": self.boots})
 
     def _on_attitude(self, message: Any, now: float) -> None:

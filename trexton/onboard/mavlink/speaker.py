@@ -20,6 +20,7 @@ REPEAT_TIMEOUT = STALE_AFTER  # seconds from capture for which a position is rep
 # Seconds by which a repetition's stamp stays behind those of images that arrive with it: one that
 # was held up by less than this is still the later of the two, by what EKF2 wants between them.
 REPEAT_LAG = 0.09
+APART = 0.02  # seconds between stamps, which EKF2 wants at least
 REPEAT_INFLATION = 100.0  # of a repetition's covariance: it keeps the fusion alive and is no news
 ORIGIN, INTERVAL = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 INTERVALS = {  # what is asked for where it does not come: message, times a second
@@ -185,7 +186,10 @@ class Speaker:
             else:
                 failed = True
         if stamp <= self._said and not failed:  # an image held up by more than the lag
-            return []
+            if again:
+                return []
+            stamp = self._said + APART
+            covariance = covariance + self._motion_rate * (stamp - captured)
         self._said = stamp
         if failed:
             report = Report(stamp, fix.position, fix.covariance, attitude, fix.resets)

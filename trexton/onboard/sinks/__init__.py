@@ -69,20 +69,11 @@ class Sink(Edge, ABC):
     """Takes one fix after another. Where the world outside fails it raises `OSError`, except in its
     constructor: `Guard` counts what was not delivered and tries again. Any other error is a bug and
     ends the run.
-
-    Attributes
-    ----------
-    name : str
-        In messages to people.
-    file : str
-        The file it writes, if any: nothing that was read, and no file twice.
-    autopilot : bool
-        Whether it goes to an autopilot: the preflight check speaks to those alone.
     """
 
-    name = "output"
-    file = ""
-    autopilot: ClassVar[bool] = False
+    name = "output"  # in messages to people
+    file = ""  # that it writes, if any: nothing that was read, and no file twice
+    autopilot: ClassVar[bool] = False  # the preflight check speaks to those alone
 
     def checks(self, now: float) -> Iterable[Check]:
         """What the preflight check says of the other side."""

@@ -1,5 +1,6 @@
 """Live cameras as a source. Any URL, pipe or device that OpenCV opens will do (`StreamSource`)."""
 
+import os
 import re
 import stat
 import time
@@ -53,7 +54,8 @@ class StreamSource(Source):
 
     @classmethod
     def make(cls, address: str, options: Options, around: Shape) -> Source:
-        if Path(address.removeprefix("file://")).is_file():  # it would be read in no time
+        file = address.removeprefix("file://")
+        if os.path.isfile(file) and not file.endswith(".sdp"):  # it would be read in no time
             raise ParameterError(f"{address}: a file is no live camera: trexton import it")
         return cls(address, around)
 
