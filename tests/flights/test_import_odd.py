@@ -23,7 +23,7 @@ from trexton.flights.importers.images import of_one_size
 from trexton.flights.importers.recording import PoseTrack, Recording
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
-from trexton.onboard.sources import open_source
+from trexton.onboard.sources.video import StreamSource
 from trexton.vision.images import read_image
 
 
@@ -293,7 +293,7 @@ def test_a_video_that_declares_too_much_is_refused_before_a_frame_is_made(tmp_pa
         settings = {"positions": "p.csv", "offset": "0"}
         import_flight(path, tmp_path / "out", kind="video", settings=settings)
     with pytest.raises(TrextonError, match="v.avi: declares 64x48 pixels"):
-        open_source(f"stream:{path}").open()
+        StreamSource(str(path)).open()
 
 
 @pytest.mark.parametrize(
