@@ -291,7 +291,7 @@ def test_what_is_missing_is_said(picture, capsys, more, words):
     assert words in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("pixels", "said"), [(600, ""), (200, "40 pixels a metre")])
+@pytest.mark.parametrize(("pixels", "said"), [(300, ""), (200, "40 pixels a metre")])
 def test_a_picture_coarser_than_a_camera_is_said(tmp_path, capsys, pixels, said):
     """Two pixels by two gave a floor of 27 cm, and no word."""
     values = np.random.default_rng(1).integers(0, 255, (pixels, pixels, 3), np.uint8)

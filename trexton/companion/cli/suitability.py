@@ -76,7 +76,7 @@ def _floor(name: str, arguments: argparse.Namespace) -> Any:
     if arguments.width is None:
         raise ParameterError(f"{name}: give the floor's width in metres, as in --width 5")
     floor = Floor.from_file(name, arguments.width)
-    if (pixels := floor.picture.image.shape[1] / arguments.width) < 100:  # a camera sees more
+    if (pixels := floor.picture.image.shape[1] / arguments.width) < 50:  # a camera sees more
         say(f"{name}: {pixels:.0f} pixels a metre: this floor is blurred, give a finer picture")
     return floor
 

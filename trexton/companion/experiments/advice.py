@@ -25,6 +25,7 @@ SHARPNESS_FRAMES = 200  # are enough to estimate the share
 PARTS = 3  # of the floor along each side
 FEWEST_THERE = 5  # test frames that say something of a part
 FEWEST = 20  # test frames that say something of a flight
+PROMISING = 0.75  # of the error of guessing the centre
 MOST_HIGHER = 1.3  # times the height of the other flight
 UNTOLD = "Whether it works cannot be told of this test: fly a longer one, over the whole area."
 NO_CAMERA = "for histograms alone; a camera needs a training flight of pictures"
@@ -70,11 +71,11 @@ def is_useful(record: Record) -> bool:
 
 
 def is_untold(record: Record) -> bool:
-    """Whether the test is too short to tell, with errors less than those of guessing the centre."""
+    """Whether the test is too short to tell: it has few frames, or errors that promise more."""
     _, error = best_method(record)
     centre = middle(record.values["errors"]["centre"]["mean_cm"])
     few = record.values["counts"]["test"] < FEWEST
-    return few or not is_useful(record) and middle(error) < centre
+    return few or not is_useful(record) and middle(error) < PROMISING * centre
 
 
 def lengths_of(record: Record) -> Callable[[Any], str]:
