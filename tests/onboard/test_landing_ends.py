@@ -60,3 +60,15 @@ def test_a_dry_run_asks_whether_it_flies():
         fix = make_fix(float(now), INSIDE)
         assert commander.update(make_estimate(INSIDE, (0.2, 0.2)), fix, now) is state
     assert autopilot.confirmations == []
+
+
+def test_an_answer_that_comes_outside_is_no_end():
+    """The phase of the landing is not heard yet: it was called ended, and commanded again."""
+    flight = Flight()
+    flight.autopilot.flies = {"mode": 3, "landing": False}
+    flight.fly(4)
+    flight.fly(38, position=OUTSIDE)
+    flight.autopilot.answer(0)
+    assert flight.fly(5, position=OUTSIDE) is State.LANDING
+    flight.autopilot.flies = {"mode": 9, "landing": True}
+    assert flight.fly(50, position=OUTSIDE) is State.LANDING and "ABORTED" not in flight.states

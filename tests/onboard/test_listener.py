@@ -98,11 +98,12 @@ def test_who_never_says_whether_he_stands_is_landed_after_a_while():
 def test_a_vehicle_that_comes_later_takes_no_attitude_away():
     """ArduPilot takes no position without it: the one in flight would lose its own."""
     ear = listener(7)
-    for now in range(8):
-        ear.hear(said_by(AUTOPILOT_HEARTBEAT, 7), float(now))
-    ear.hear(said_by(AUTOPILOT_HEARTBEAT, 1), 8.0)
-    ear.hear(said_by(mavlink.MAVLink_attitude_message(5000, *ATTITUDE, 0, 0, 0), 7), 8.0)
-    assert not ear.certain and ear.attitude(8.0) is not None and ear.aiding(8.0).roll is not None
+    other = Listener(heard=ear.heard)  # of a second link
+    for each in (other, ear):
+        each.hear(said_by(AUTOPILOT_HEARTBEAT, 1), 80.0)
+    ear.hear(said_by(mavlink.MAVLink_attitude_message(5000, *ATTITUDE, 0, 0, 0), 7), 80.0)
+    assert not ear.certain and not ear.doubted and not other.doubted
+    assert ear.attitude(80.0) is not None and ear.aiding(80.0).roll is not None
 
 
 @pytest.mark.parametrize("armed", [True, False])

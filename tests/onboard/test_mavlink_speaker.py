@@ -98,6 +98,11 @@ class TestSpeaker:
         assert [round(1e6 * stamp) in sent for stamp in captured] == [True, False, True, True]
         assert sent[2] - sent[1] == 20_000
 
+    def test_stamps_do_not_run_ahead_of_a_quick_camera(self):
+        captured = 10 + np.arange(120) / 60
+        sent = self.sent("px4", captured, captured + np.where(captured < 10.5, 0.02, 0.2))
+        assert (np.diff(sent) > 0).all() and sent[-2] <= 1e6 * captured[-1] + 1
+
     @staticmethod
     def sent(profile, captured, arrived) -> list[int]:
         """The stamps in microseconds of what is sent of images that arrive so, in its order."""

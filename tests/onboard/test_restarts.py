@@ -84,6 +84,19 @@ def test_a_restart_while_nobody_heard_it_is_one():
     assert ear.boots == 0
 
 
+def test_a_restart_is_noticed_over_a_link_whose_delay_wanders():
+    ear = heard(listener(1), (1.0, 1200.0))
+    for row, now in enumerate(np.arange(5, 9, 0.2)):
+        heard(ear, (now, now - 3 - 0.7 * (row % 3 == 1)))
+    assert ear.boots == 1
+
+
+def test_a_link_that_is_later_after_a_silence_is_no_restart():
+    ear = heard(listener(1), *((now, now + 60) for now in range(20)))
+    heard(ear, *((now, now + 57.5) for now in np.arange(24, 40, 0.2)))
+    assert ear.boots == 0 and ear.attitude(39.9) is not None
+
+
 def test_a_link_that_stalls_and_catches_up_is_no_restart():
     """Two of those barred landing for the rest of the flight."""
     ear = listener(1)

@@ -80,7 +80,7 @@ class Commander:
         self._sent = 0  # commands of this visit that a link took
         self._put_off = ""  # what the autopilot says who neither accepts nor refuses
         self._asked_at = -np.inf
-        self._ask_at = -np.inf
+        self._ask_at = self._landing_at = -np.inf
         self._outside_since: float | None = None  # on the clock that stamps the frames
         self._before: dict[tuple[int, str], object] = {}  # phases of the flight when it accepted
         self._flown: dict[tuple[int, str], object] = {}  # when it was first asked
@@ -92,9 +92,11 @@ class Commander:
         """Take in the latest estimate and what was answered; `now` in seconds, steady clock."""
         inside = self._inside(estimate, fix, now)
         self._take_answers(now)
-        self._take_landed_state()
+        self._take_landed_state(now)
         if self._left(fix, now):
-            if self.state is State.LANDING and self._phases() == self._flown != {}:
+            late = self.state is State.LANDING and now - self._landing_at > EXIT_SECONDS
+            if late and self._phases() == self._flown != {} and not self._lands():
+                self._asked_at = -np.inf
                 self._become(State.ABORTED, "accepted, and it flies on as before it was asked")
             # Landing, or landed, it has obeyed, wherever it is.
             stands = self.state is State.LANDED and any(self._grounded())
@@ -187,7 +189,7 @@ class Commander:
         for result in results:
             if result == ACCEPTED:  # in whatever state: the vehicle lands
                 if self.state not in (State.LANDING, State.LANDED, State.ABORTED):
-                    self._begin_landing("accepted")
+                    self._begin_landing("accepted", now)
             elif result in (IN_PROGRESS, TEMPORARILY_REJECTED):
                 self._ask_at = now + ANSWER_WITHIN  # it is there: give it time, then ask again
                 self._put_off = REASONS[result]
@@ -196,10 +198,10 @@ class Commander:
             elif self.state is not State.LANDED:  # while it flickers, or after it had accepted
                 self._become(State.REFUSED, REASONS.get(result, f"result {result}"))
 
-    def _take_landed_state(self) -> None:
+    def _take_landed_state(self, now: float) -> None:
         grounded, pending = self._grounded(), (State.WATCHING, State.ASKED, State.UNANSWERED)
         if self._sent and self.state in pending and self._lands():  # the answer was lost
-            self._begin_landing("by its own word, no answer came")
+            self._begin_landing("by its own word, no answer came", now)
         if self.state is State.LANDING and any(grounded):
             self._become(State.LANDED, "it stands, or is no longer armed")
         elif self.state is State.LANDED and grounded and all(on is False for on in grounded):
@@ -208,8 +210,8 @@ class Commander:
         elif self.state is State.LANDING and self._is_aborted():
             self._become(State.ABORTED, "accepted, then ended by the pilot or the autopilot")
 
-    def _begin_landing(self, why: str) -> None:
-        self._before, self._during = {}, {}
+    def _begin_landing(self, why: str, now: float) -> None:
+        self._before, self._during, self._landing_at = {}, {}, now
         self._become(State.LANDING, why)
 
     def _lands(self) -> bool:

@@ -122,7 +122,7 @@ def test_short_flights_are_judged_too(frames):
 def test_of_a_few_frames_nothing_is_told(record):
     """Four of a hundred had a position, and it worked."""
     few = replace(record, values=record.values | {"counts": {"train": 120, "test": 4}})
-    assert finding(few).startswith("It cannot be told of 4 frames of the test")
+    assert finding(few).startswith("It cannot be told of 4 test frames")
     said = " ".join(advice(few))
     assert "fly a longer one" in said and "trexton t" not in said
 

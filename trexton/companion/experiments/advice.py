@@ -27,7 +27,6 @@ FEWEST_THERE = 5  # test frames that say something of a part
 FEWEST = 20  # test frames that say something of a flight
 PROMISING = 0.75  # of the error of guessing the centre
 MOST_HIGHER = 1.3  # times the height of the other flight
-UNTOLD = "Whether it works cannot be told of this test: fly a longer one, over the whole area."
 NO_CAMERA = "for histograms alone; a camera needs a training flight of pictures"
 
 
@@ -181,7 +180,7 @@ def what_limits(record: Record) -> Iterator[str]:
 def what_next(record: Record, flight: str | None = None) -> Iterator[str]:
     """What to try."""
     if is_untold(record):
-        yield UNTOLD
+        yield "Whether it works cannot be told of this test: fly a longer one, over the whole area."
     elif is_useful(record):
         yield f"`trexton tune {shlex.quote(flight or record.flight)}` looks for better settings."
     else:

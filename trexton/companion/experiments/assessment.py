@@ -142,8 +142,7 @@ def finding(record: Record) -> str:
     errors = record.values["errors"]
     centre = middle(errors["centre"]["mean_cm"])
     if is_untold(record):
-        count = record.values["counts"]["test"]
-        judgement = f"It cannot be told of {count} frames of the test with a position"
+        judgement = f"It cannot be told of {record.values['counts']['test']} test frames"
     elif not is_useful(record):
         judgement = (
             "It will not work here, for no method is clearly better than always guessing the centre"

@@ -21,6 +21,7 @@ CLOCK_STEP_S = 2.0  # seconds by which a clock must begin later to be another
 SAME_CLOCK_S = 0.5  # seconds to which messages tell when their clock began
 CONFIRMED_S = 1.0  # seconds for which nobody goes on with the clock of before a restart
 MOST_SWAPS = 5  # from one clock to the other within `MAX_STATE_AGE`: two autopilots
+ALONE_S = 60.0  # seconds: an autopilot starts up no later than the computer beside it
 WRAP_MS = 60_000  # milliseconds about the last of a clock of 32 bits in which it may wrap
 BUFFER_SIZE = 512  # of each: a second and more of the fastest stream, for a camera that is late
 MAX_SAMPLE_AGE = 0.5  # seconds between a frame and attitude, height or velocity that fit it
@@ -43,10 +44,10 @@ class Listener:
 
     `named` are system and component of our autopilot, None for the only one that is heard. Answers
     to another `component` than ours are none to us. Every autopilot that may be ours, of all links
-    of a flight, is put into `heard`, in order.
+    of a flight, is put into `heard`, with when it was heard first.
 
-    `twins` tells whether two autopilots of its number were heard, `doubted` whether it was never
-    ours beyond doubt, `signs` whether it signs, and `boots` how often it has started anew.
+    `twins` tells whether two autopilots of its number were heard, `signs` whether it signs its
+    messages, and `boots` how often it has started anew.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Listener:
         named: tuple[int | None, int | None] = (None, None),
         local: LocalFrame | None = None,
         component: int = COMPONENT,
-        heard: dict[tuple[int, int], None] | None = None,
+        heard: dict[tuple[int, int], float] | None = None,
     ):
         self._named, self._local, self._component = named, local or LocalFrame(), component
         self.target: tuple[int, int] | None = None
@@ -69,10 +70,9 @@ class Listener:
         self._fused: tuple[float, bool] | None = None
         self._landed: tuple[float, int] | None = None
         self._mode: int | None = None
-        self._armed, self._since = True, np.inf  # as it says; heard without a gap since then
+        self._armed, self._since = True, np.inf  # as it says; heard so without a gap since then
         self._clock = self._stamped_at = -np.inf  # when its clock began; its last message
         self._stray: tuple[float, float] | None = None  # another clock, and first heard
-        self._target_at, self.doubted = np.inf, False  # since then; another came at once
         self._swaps: deque[float] = deque(maxlen=MOST_SWAPS)
         self._odd_angles = False
         self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=BUFFER_SIZE)
@@ -99,6 +99,12 @@ class Listener:
     def certain(self) -> bool:
         """Whether the target is beyond doubt: named, or the only autopilot that was ever heard."""
         return len(self.heard) == 1 and not self.twins
+
+    @property
+    def doubted(self) -> bool:
+        """Whether the target never was alone for long: another came soon after, or is its twin."""
+        first, second, *_ = (*self.heard.values(), np.inf, np.inf)
+        return self.twins or second - first < ALONE_S
 
     def fused(self, now: float) -> bool | None:
         """Whether the autopilot has a horizontal position; None where it has not said so lately."""
@@ -170,20 +176,20 @@ class Listener:
         if any(own not in (None, number) for own, number in zip(self._named, who, strict=True)):
             return
         if who not in self.heard:
-            self.heard[who] = None
+            self.heard[who] = now
             if len(self.heard) > 1:
                 heard = ", ".join(f"{each}/{part}" for each, part in sorted(self.heard))
-                self.doubted |= now - self._target_at < MAX_STATE_AGE
                 advice = "name ours with --target; no landing until then"
                 advice += ", and no attitude" * self.doubted
                 self.news.append({"event": "several vehicles", "heard": heard, "do": advice})
         if self.target is None and who == next(iter(self.heard)):
-            self.target, self._target_at = who, now
+            self.target = who
             self.news.append({"event": "autopilot", "system": system, "component": component})
         if self.target == who:
-            self._since = self._since if self.present(now) else now
-            self.heard_at, self._mode = now, message.custom_mode
-            self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            if not self.present(now) or armed and not self._armed:
+                self._since = now
+            self.heard_at, self._mode, self._armed = now, message.custom_mode, armed
             self.signs = bool(message.get_header().incompat_flags & mavlink.MAVLINK_IFLAG_SIGNED)
 
     def _is_in_order(self, awake_ms: int | None, now: float) -> bool:
@@ -191,15 +197,15 @@ class Listener:
 
         Its clock seems to begin later. So does that of an autopilot that has started anew, but
         nobody goes on with the earlier one; where somebody does again and again, there are two.
-        After 49 days a clock goes on from its last millisecond.
         """
         if not awake_ms:  # 0 is of a message that tells no time
             return True
         began, wrapped = now - 1e-3 * awake_ms, (awake_ms - self._awake_ms) % 2**32 < WRAP_MS
         back = self._awake_ms > awake_ms and not wrapped
-        behind = back or now - self._stamped_at > HEARTBEAT_TIMEOUT
+        silent = now - self._stamped_at > HEARTBEAT_TIMEOUT
+        behind = back or silent and began > self._stamped_at - SAME_CLOCK_S  # begun meanwhile
         if behind and np.isfinite(self._clock) and began - self._clock > CLOCK_STEP_S:
-            if self._stray is None or abs(began - self._stray[0]) > SAME_CLOCK_S:
+            if self._stray is None or began < self._stray[0] - SAME_CLOCK_S:  # a backlog's
                 self._stray = began, now
             if now - self._stray[1] < CONFIRMED_S:
                 return False
@@ -208,7 +214,7 @@ class Listener:
             self._swaps.append(now)
             often = len(self._swaps) == MOST_SWAPS and now - self._swaps[0] < MAX_STATE_AGE
             if often and not self.twins:
-                self.twins = self.doubted = True
+                self.twins = True
                 self._start_anew(now)
         self._clock, self._awake_ms, self._stamped_at, self._stray = began, awake_ms, now, None
         return True

@@ -69,6 +69,7 @@ class Speaker:
         self.commands: deque[Any] = deque()
         self._fix: Fix | None = None  # the latest that an image went into, or that is not usable
         self._told_at = self._said = -np.inf  # when it came; the latest stamp that was sent
+        self._shifted = False  # whether the last bears a later stamp than its capture
         self._next_at = -np.inf  # when it is to be sent: at once, then for want of another
         self._due: dict[str, float] = {}
         self._origin_attempts, self._confirmed = 0, False
@@ -185,8 +186,10 @@ class Speaker:
                 return []
             else:
                 failed = True
-        if stamp <= self._said and not failed:  # an image held up by more than the lag
-            if again:
+        held_up, before = stamp <= self._said, self._shifted  # by more than the lag
+        self._shifted = held_up and not (again or before)
+        if held_up:
+            if not (self._shifted or failed):  # else stamps would run ahead
                 return []
             stamp = self._said + APART
             covariance = covariance + self._motion_rate * (stamp - captured)

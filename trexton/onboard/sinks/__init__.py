@@ -62,7 +62,7 @@ class Surroundings:
     clock: Callable[[], float] = time.monotonic  # seconds, as live frames are stamped
     kind: str = ""  # the word before the sink's address
     # the autopilots of all links
-    heard: dict[tuple[int, int], None] = field(default_factory=dict)
+    heard: dict[tuple[int, int], float] = field(default_factory=dict)
 
 
 class Sink(Edge, ABC):
