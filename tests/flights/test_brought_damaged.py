@@ -176,7 +176,7 @@ def test_images_in_the_order_of_text_are_asked_about(tmp_path, names, asked):
 
 
 def test_a_damaged_log_is_said_once(tmp_path, capfd):
-    """Its reader wrote a line for every byte, and nobody told of the positions that were gone."""
+    """Its reader wrote a line for every byte, and no word of the positions that were gone."""
     log, path = ardupilot_log(400), tmp_path / "l.bin"
     middle = len(log) // 2
     path.write_bytes(log[:middle] + bytes(37) + log[middle + 37 :])

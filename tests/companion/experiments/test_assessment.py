@@ -119,10 +119,10 @@ def test_short_flights_are_judged_too(frames):
     assert finding(short).endswith(".") and all(advice(short))
 
 
-def test_of_a_few_frames_nothing_is_told(record):
+def test_by_a_few_frames_nothing_is_judged(record):
     """Four of a hundred had a position, and it worked."""
     few = replace(record, values=record.values | {"counts": {"train": 120, "test": 4}})
-    assert finding(few).startswith("It cannot be told of 4 test frames")
+    assert finding(few).startswith("It cannot be judged by 4 test frames")
     said = " ".join(advice(few))
     assert "fly a longer one" in said and "trexton t" not in said
 
@@ -134,9 +134,9 @@ def test_a_test_too_short_to_tell_is_no_failure(record):
         wide = {"value": 0.6 * centre, "low": 0.2 * centre, "high": 2 * centre}
         errors[method]["mean_cm"] = wide
     errors["centre"]["mean_cm"] = {"value": centre, "low": 0.3 * centre, "high": 2 * centre}
-    untold = replace(record, values=record.values | {"errors": errors})
-    assert finding(untold).startswith("It cannot be told")
-    assert "fly a longer one" in " ".join(advice(untold))
+    undecided = replace(record, values=record.values | {"errors": errors})
+    assert finding(undecided).startswith("It cannot be judged")
+    assert "fly a longer one" in " ".join(advice(undecided))
 
 
 def test_another_origin_or_height_of_the_test_is_named(record):

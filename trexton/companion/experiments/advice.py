@@ -69,8 +69,8 @@ def is_useful(record: Record) -> bool:
     return middle(error) < middle(centre) and apart(error, centre)
 
 
-def is_untold(record: Record) -> bool:
-    """Whether the test is too short to tell: it has few frames, or errors that promise more."""
+def is_undecided(record: Record) -> bool:
+    """Whether the test is too short to judge by: it has few frames, or errors that promise more."""
     _, error = best_method(record)
     centre = middle(record.values["errors"]["centre"]["mean_cm"])
     few = record.values["counts"]["test"] < FEWEST
@@ -179,8 +179,8 @@ def what_limits(record: Record) -> Iterator[str]:
 
 def what_next(record: Record, flight: str | None = None) -> Iterator[str]:
     """What to try."""
-    if is_untold(record):
-        yield "Whether it works cannot be told of this test: fly a longer one, over the whole area."
+    if is_undecided(record):
+        yield "This test cannot judge whether it works: fly a longer one, over the whole area."
     elif is_useful(record):
         yield f"`trexton tune {shlex.quote(flight or record.flight)}` looks for better settings."
     else:
@@ -192,7 +192,7 @@ def commands(record: Record, flight: str | None = None) -> tuple[str, str]:
     good, the second also where there are no pictures.
     """
     best, chosen = best_method(record)[0], record.parameters
-    useful = is_useful(record) and not is_untold(record)
+    useful = is_useful(record) and not is_undecided(record)
     if not useful or not record.timings.get(best, {}).get("median_s"):
         return "", ""
     folder, made = shlex.quote(flight or record.flight), shlex.quote(f"{record.flight}.npz")

@@ -18,7 +18,7 @@ from trexton.base.records import SECTIONS, Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.advice import (
     best_method,
-    is_untold,
+    is_undecided,
     is_useful,
     least_error_cm,
     lengths_of,
@@ -141,8 +141,8 @@ def finding(record: Record) -> str:
     say, (best, error) = lengths_of(record), best_method(record)
     errors = record.values["errors"]
     centre = middle(errors["centre"]["mean_cm"])
-    if is_untold(record):
-        judgement = f"It cannot be told of {record.values['counts']['test']} test frames"
+    if is_undecided(record):
+        judgement = f"It cannot be judged by {record.values['counts']['test']} test frames"
     elif not is_useful(record):
         judgement = (
             "It will not work here, for no method is clearly better than always guessing the centre"

@@ -18,9 +18,9 @@ from trexton.flights.importers.recording import (
     PoseTrack,
     local_metres,
     nanoseconds,
+    printed,
     reading,
     together,
-    told,
 )
 
 # Messages of ArduPilot that hold a position, the best first, or an attitude, and their parts.
@@ -46,7 +46,7 @@ def read_log(path: Path) -> tuple[PoseTrack, list[str]] | None:
     """
     if (read := _READERS.get(path.suffix.lower())) is None:
         return None
-    with told(_SKIPPED) as skipped, redirect_stdout(out := io.StringIO()), redirect_stderr(out):
+    with printed(_SKIPPED) as skipped, redirect_stdout(out := io.StringIO()), redirect_stderr(out):
         track = read(path)
     if track is None or not len(track.time_ns):
         raise FlightError(f"{path}: no position in it: is it a log, and was there a fix?")

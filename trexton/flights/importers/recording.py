@@ -174,8 +174,8 @@ def reading(path: Path, kind: str, advice: str) -> Iterator[None]:
 
 
 @contextmanager
-def told(pattern: re.Pattern[str]) -> Iterator[list[str]]:
-    """What libraries say of damage meanwhile, which some do on standard error alone."""
+def printed(pattern: re.Pattern[str]) -> Iterator[list[str]]:
+    """What libraries print of damage meanwhile, which some do on standard error alone."""
     found: list[str] = []
     with tempfile.TemporaryFile() as stream, os.fdopen(os.dup(2), "w") as kept:
         os.dup2(stream.fileno(), 2)

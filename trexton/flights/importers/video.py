@@ -21,7 +21,7 @@ from trexton.flights.importers.recording import (
     Recording,
     beside,
     nanoseconds,
-    told,
+    printed,
 )
 from trexton.flights.importers.tracks import TrackColumns, read_track
 from trexton.vision.images import check_capture
@@ -127,7 +127,7 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
     capture = cv2.VideoCapture(str(source))
     announced, rate = map(capture.get, (cv2.CAP_PROP_FRAME_COUNT, cv2.CAP_PROP_FPS))
     before = None
-    with told(_ERRORS) as errors:
+    with printed(_ERRORS) as errors:
         for stamp, frame in progress(_stamped(source), "video"):
             luma = small(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)[..., None]).astype(np.float32)
             across, down = (0.0, 0.0) if before is None else cv2.phaseCorrelate(before, luma)[0]
